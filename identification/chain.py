@@ -1,0 +1,159 @@
+"""The kinematic chain of a fixed-base serial arm as plain arrays, read from a compiled MJCF once.
+
+Link frames: the origin lies on the joint's anchor and z along the joint's axis. Where the MJCF
+body frame already does so (as in a modified Denavit-Hartenberg model) the link frame is the body
+frame. Bodies without a joint are welded to the link that carries them.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
+from .parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT, VISCOUS, inertial_parameters
+
+Array = NDArray[np.float64]
+
+HINGE, SLIDE = 3, 2
+JOINT_TYPES = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A serial chain of n hinge and slide joints.
+
+    joint_names: n names, base to tip.
+    is_slide: (n,) bool.
+    rotation: (n, 3, 3), link frame in its parent's at q = 0; columns are the link's axes.
+    translation: (n, 3) m, link origin in its parent's frame at q = 0.
+    gravity: (3,) m/s², in the base (world) frame.
+    """
+
+    joint_names: tuple[str, ...]
+    is_slide: NDArray[np.bool_]
+    rotation: Array
+    translation: Array
+    gravity: Array
+
+    @property
+    def joints(self) -> int:
+        """Number of joints, n."""
+        return len(self.joint_names)
+
+
+@dataclass(frozen=True)
+class _Placement:
+    """Where a body hangs: its link (-1: world), and its pose in that link's frame at q = 0."""
+
+    link: int
+    rotation: Array
+    position: Array
+
+
+def chain_from_model(model: Any) -> tuple[Chain, Array]:
+    """The chain of a compiled ``mujoco.MjModel``, and its standard parameters, shape (14 n,).
+
+    The parameters are those of the model itself: inertias, armature, damping and frictionloss;
+    the offset is zero. Raises InputError when the model is not a fixed-base serial arm of hinge
+    and slide joints.
+    """
+    _require_serial_arm(model)
+    n = model.njnt
+    rotations, translations = np.empty((n, 3, 3)), np.empty((n, 3))
+    parameters = np.zeros((n, PER_JOINT))
+    placements = {0: _Placement(-1, np.eye(3), np.zeros(3))}
+    for body in range(1, model.nbody):
+        parent = placements[int(model.body_parentid[body])]
+        rotation = parent.rotation @ _matrix(model.body_quat[body])
+        position = parent.position + parent.rotation @ model.body_pos[body]
+        link = parent.link
+        start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        for joint in range(start, start + count):
+            frame = rotation @ _frame_with_z(model.jnt_axis[joint])
+            anchor = position + rotation @ model.jnt_pos[joint]
+            rotations[joint], translations[joint] = _pose_at_zero(model, joint, frame, anchor)
+            # From here on the body is described in this joint's link frame.
+            position, rotation = frame.T @ (position - anchor), frame.T @ rotation
+            link = joint
+        placements[body] = _Placement(link, rotation, position)
+        if link >= 0:
+            parameters[link, :INERTIAL] += _body_parameters(model, body, rotation, position)
+    parameters[:, ARMATURE] = model.dof_armature
+    parameters[:, VISCOUS] = np.asarray(model.dof_damping).reshape(n, -1)[:, 0]
+    parameters[:, COULOMB] = model.dof_frictionloss
+    chain = Chain(
+        joint_names=tuple(model.joint(j).name or f"joint_{j + 1}" for j in range(n)),
+        is_slide=np.asarray(model.jnt_type) == SLIDE,
+        rotation=rotations,
+        translation=translations,
+        gravity=np.array(model.opt.gravity),
+    )
+    return chain, parameters.ravel()
+
+
+def _require_serial_arm(model: Any) -> None:
+    """Raise InputError unless the joints form one chain of hinges and slides on a fixed base."""
+    if model.njnt == 0:
+        raise InputError("model", "joint", "at least one hinge or slide joint", "none")
+    for joint in range(model.njnt):
+        kind = int(model.jnt_type[joint])
+        if kind not in (HINGE, SLIDE):
+            name = model.joint(joint).name or f"joint {joint}"
+            raise InputError(
+                "model", name, "a hinge or slide joint of a fixed-base arm", JOINT_TYPES[kind], ("hinge", "slide")
+            )
+    carrier = {0: -1}
+    last = -1
+    for body in range(1, model.nbody):
+        link = carrier[int(model.body_parentid[body])]
+        if model.body_jntnum[body]:
+            first = int(model.body_jntadr[body])
+            if link != last or first != last + 1:
+                name = model.joint(first).name or f"joint {first}"
+                raise InputError("model", name, "a serial chain, each joint after the one before", "a branch")
+            link = last = first + int(model.body_jntnum[body]) - 1
+        carrier[body] = link
+
+
+def _body_parameters(model: Any, body: int, rotation: Array, position: Array) -> Array:
+    """Ten inertial parameters (10,) of a body placed at ``rotation``, ``position`` in its link frame."""
+    center = position + rotation @ model.body_ipos[body]
+    axes = rotation @ _matrix(model.body_iquat[body])
+    inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
+    return inertial_parameters(float(model.body_mass[body]), center, inertia)
+
+
+def _pose_at_zero(model: Any, joint: int, frame: Array, anchor: Array) -> tuple[Array, Array]:
+    """The link frame at q = 0, from the one drawn in the MJCF, which stands at q = ``ref``."""
+    reference = float(model.qpos0[joint])
+    if model.jnt_type[joint] == SLIDE:
+        return frame, anchor - reference * frame[:, 2]
+    c, s = np.cos(reference), np.sin(reference)
+    return frame @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), anchor
+
+
+def _matrix(quaternion: Array) -> Array:
+    """Rotation matrix (3, 3) of a quaternion (w, x, y, z)."""
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _frame_with_z(axis: Array) -> Array:
+    """A rotation (3, 3) whose third column is ``axis``; the smallest turn that does it."""
+    z = axis / np.linalg.norm(axis)
+    if z[2] > 1 - 1e-14:
+        return np.eye(3)
+    if z[2] < -1 + 1e-14:
+        return np.diag([1.0, -1.0, -1.0])
+    # Rodrigues' formula about e_z x axis.
+    v = np.array([-z[1], z[0], 0.0])
+    cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    return np.eye(3) + cross + cross @ cross / (1 + z[2])

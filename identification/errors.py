@@ -1,0 +1,35 @@
+"""The one error that means "the input is wrong", told in one line."""
+
+from collections.abc import Iterable
+
+
+class InputError(Exception):
+    """Bad input, said in one line: where, which field, what was expected, what came, valid names.
+
+    The command line prints it on stderr and exits with code 2.
+    """
+
+    def __init__(
+        self,
+        source: object,
+        field: str,
+        expected: str,
+        got: object,
+        choices: Iterable[str] | None = None,
+    ):
+        self.source = str(source)
+        self.field = field
+        self.expected = expected
+        self.got = got
+        self.choices = None if choices is None else tuple(choices)
+        super().__init__(self._line())
+
+    def _line(self) -> str:
+        line = f"{self.source}: {self.field}: expected {self.expected}, got {self.got}"
+        if self.choices is not None:
+            line += f" (valid: {', '.join(self.choices)})"
+        return " ".join(line.split())
+
+    def located(self, source: object) -> "InputError":
+        """The same complaint with the file named, for code that knows the file only at the edge."""
+        return InputError(source, self.field, self.expected, self.got, self.choices)

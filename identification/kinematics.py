@@ -1,0 +1,55 @@
+"""Scalar kernels on 3-vectors that the regressor and inverse dynamics are compiled from."""
+
+from typing import Any
+
+from numba import njit
+
+
+def kernel(function: Any) -> Any:
+    """Compile for any thread, cached on disk, with IEEE arithmetic so that results repeat bit for bit."""
+    return njit(cache=True, nogil=True, error_model="numpy")(function)
+
+
+@kernel
+def cross(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
+    """a × b as three scalars."""
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@kernel
+def link_rotation(fixed, c, s, out):  # type: ignore[no-untyped-def]
+    """out (9,) = fixed (3, 3) times a turn about z by the angle of cosine c and sine s, row-major."""
+    for row in range(3):
+        x, y = fixed[row, 0], fixed[row, 1]
+        out[3 * row] = x * c + y * s
+        out[3 * row + 1] = y * c - x * s
+        out[3 * row + 2] = fixed[row, 2]
+
+
+@kernel
+def into_link(r, x, y, z):  # type: ignore[no-untyped-def]
+    """R' v: a vector of the parent frame, in the link frame."""
+    return (
+        r[0] * x + r[3] * y + r[6] * z,
+        r[1] * x + r[4] * y + r[7] * z,
+        r[2] * x + r[5] * y + r[8] * z,
+    )
+
+
+@kernel
+def into_parent(r, x, y, z):  # type: ignore[no-untyped-def]
+    """R v: a vector of the link frame, in the parent frame."""
+    return (
+        r[0] * x + r[1] * y + r[2] * z,
+        r[3] * x + r[4] * y + r[5] * z,
+        r[6] * x + r[7] * y + r[8] * z,
+    )
+
+
+@kernel
+def origin_acceleration(ax, ay, az, alx, aly, alz, ox, oy, oz, px, py, pz):  # type: ignore[no-untyped-def]
+    """a + α × p + ω × (ω × p)."""
+    tx, ty, tz = cross(alx, aly, alz, px, py, pz)
+    bx, by, bz = cross(ox, oy, oz, px, py, pz)
+    cx, cy, cz = cross(ox, oy, oz, bx, by, bz)
+    return ax + tx + cx, ay + ty + cy, az + tz + cz

@@ -1,0 +1,1 @@
+"""The simulated robot, its recordings, and the chain from a scenario to a report."""

@@ -1,0 +1,46 @@
+"""What one identification run leaves behind for the summary, the report and the Rerun session."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.estimate import Estimate, TorqueFit
+
+from .log import Recording
+from .robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The estimate held against the ground truth, which only a simulated robot has.
+
+    truth, error: (b,). cramer_rao: (b,) smallest standard deviation any unbiased estimator could
+    reach on the same data. noise_floor: (n,) N·m, torque RMS that sensor noise alone leaves after
+    the filters, on validation runs (fit runs when there are none).
+    """
+
+    truth: Array
+    error: Array
+    cramer_rao: Array
+    noise_floor: Array
+
+
+@dataclass(frozen=True)
+class IdentificationResult:
+    """An estimate and everything needed to show it.
+
+    robot: the model it was made with. estimate: parameters. fits, validations: how it predicts
+    each run, in the order of fit_recordings and validation_recordings. comparison: with the truth,
+    or None where it is unknown.
+    """
+
+    robot: Robot
+    estimate: Estimate
+    fits: tuple[TorqueFit, ...]
+    validations: tuple[TorqueFit, ...]
+    fit_recordings: tuple[Recording, ...]
+    validation_recordings: tuple[Recording, ...]
+    comparison: Comparison | None = None
