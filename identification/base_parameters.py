@@ -62,14 +62,15 @@ def base_parameters(chain: Chain, groups: Sequence[str] = DEFAULT_GROUPS, seed: 
     candidates = _regrouping_order(group_columns(chain.joints, groups))
     matrix = regressor(chain, q, dq, ddq, candidates).reshape(-1, len(candidates))
     scale = np.linalg.norm(matrix, axis=0)
-    scale[scale < RANK_TOLERANCE * scale.max()] = np.inf
-    matrix = matrix / scale
+    # A parameter that loads no joint at all drops out of every combination.
+    seen = scale > RANK_TOLERANCE * scale.max()
+    candidates, scale = candidates[seen], scale[seen]
+    matrix = matrix[:, seen] / scale
     independent, dependent = _independent_columns(matrix)
     upper = np.linalg.qr(matrix[:, np.r_[independent, dependent]], mode="r")
     b = len(independent)
     regrouping = solve_triangular(upper[:b, :b], upper[:b, b:])
-    regrouping *= scale[dependent] / scale[independent, None] if len(dependent) else 1.0
-    regrouping[~np.isfinite(regrouping)] = 0.0
+    regrouping *= scale[dependent] / scale[independent, None]
     regrouping[np.abs(regrouping) < COEFFICIENT_TOLERANCE] = 0.0
     projection = np.zeros((b, PER_JOINT * chain.joints))
     projection[np.arange(b), candidates[independent]] = 1.0

@@ -6,8 +6,11 @@ from numba import njit
 
 
 def kernel(function: Any) -> Any:
-    """Compile for any thread, cached on disk, with IEEE arithmetic so that results repeat bit for bit."""
-    return njit(cache=True, nogil=True, error_model="numpy")(function)
+    """Compile for any thread, cached on disk.
+
+    Products and sums may fuse, nothing may be reordered: results repeat bit for bit.
+    """
+    return njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
 
 
 @kernel

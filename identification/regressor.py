@@ -62,11 +62,11 @@ def regressor(
 
 
 def column_slots(joints: int, columns: NDArray[np.int64] | None) -> tuple[NDArray[np.int64], int]:
-    """Where each standard column is written, (14 n,) with -1 for "not at all", and how many are."""
+    """Where each standard column is written, (14 n,), and how many are, c; slot c is a dustbin."""
     total = PER_JOINT * joints
     if columns is None:
         return np.arange(total), total
-    slots = np.full(total, -1, dtype=np.int64)
+    slots = np.full(total, len(columns), dtype=np.int64)
     slots[columns] = np.arange(len(columns))
     return slots, len(columns)
 
@@ -86,11 +86,12 @@ def in_blocks(work: Callable[[int, int], None], samples: int, threads: int | Non
 def _regressor(  # type: ignore[no-untyped-def]
     is_slide, rotation, translation, gravity, slots, coulomb_velocity, q, dq, ddq, out
 ) -> Any:
-    n = is_slide.size
+    n, c = is_slide.size, out.shape[2]
     r = np.empty(9)
-    motions = np.empty((n, 6))
+    motions = np.zeros((n, 6))
+    # One sample's rows stay in the first-level cache; unwanted columns fall into the last slot.
+    rows = np.zeros((n, c + 1))
     for t in range(q.shape[0]):
-        out[t] = 0.0
         ox = oy = oz = lx = ly = lz = 0.0
         ax, ay, az = -gravity[0], -gravity[1], -gravity[2]
         for j in range(n):
@@ -107,55 +108,54 @@ def _regressor(  # type: ignore[no-untyped-def]
             ax, ay, az = into_link(r, ax, ay, az)
             ox, oy, oz = into_link(r, ox, oy, oz)
             lx, ly, lz = into_link(r, lx, ly, lz)
-            for i in range(j):
-                wx, wy, wz = motions[i, 0], motions[i, 1], motions[i, 2]
-                tx, ty, tz = cross(wx, wy, wz, px, py, pz)
-                ux, uy, uz = motions[i, 3] + tx, motions[i, 4] + ty, motions[i, 5] + tz
-                motions[i, 0], motions[i, 1], motions[i, 2] = into_link(r, wx, wy, wz)
-                motions[i, 3], motions[i, 4], motions[i, 5] = into_link(r, ux, uy, uz)
-            motions[j, :] = 0.0
             if is_slide[j]:
                 ax += 2.0 * v * oy
                 ay -= 2.0 * v * ox
                 az += acc
-                motions[j, 5] = 1.0
             else:
                 lx += v * oy
                 ly -= v * ox
                 lz += acc
                 oz += v
-                motions[j, 2] = 1.0
-            first = PER_JOINT * j
+            # [alpha]x + [omega]x[omega]x, shared by every joint that moves this link.
+            bxx, byy, bzz = -(oy * oy + oz * oz), -(ox * ox + oz * oz), -(ox * ox + oy * oy)
+            bxy, byx = ox * oy - lz, ox * oy + lz
+            bxz, bzx = ox * oz + ly, ox * oz - ly
+            byz, bzy = oy * oz - lx, oy * oz + lx
+            slot = slots[PER_JOINT * j : PER_JOINT * (j + 1)]
             for i in range(j + 1):
-                wx, wy, wz = motions[i, 0], motions[i, 1], motions[i, 2]
-                ux, uy, uz = motions[i, 3], motions[i, 4], motions[i, 5]
+                if i < j:
+                    wx, wy, wz = motions[i, 0], motions[i, 1], motions[i, 2]
+                    tx, ty, tz = cross(wx, wy, wz, px, py, pz)
+                    ux, uy, uz = motions[i, 3] + tx, motions[i, 4] + ty, motions[i, 5] + tz
+                    wx, wy, wz = into_link(r, wx, wy, wz)
+                    ux, uy, uz = into_link(r, ux, uy, uz)
+                elif is_slide[j]:
+                    wx, wy, wz, ux, uy, uz = 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
+                else:
+                    wx, wy, wz, ux, uy, uz = 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
+                motions[i, 0], motions[i, 1], motions[i, 2] = wx, wy, wz
+                motions[i, 3], motions[i, 4], motions[i, 5] = ux, uy, uz
                 cx, cy, cz = cross(wx, wy, wz, ox, oy, oz)
-                ex, ey, ez = cross(ux, uy, uz, ox, oy, oz)
-                fx, fy, fz = cross(ux, uy, uz, lx, ly, lz)
-                gx, gy, gz = cross(ex, ey, ez, ox, oy, oz)
-                hx, hy, hz = cross(ax, ay, az, wx, wy, wz)
-                row = out[t, i]
-                _put(row, slots[first], wx * lx + cx * ox)
-                _put(row, slots[first + 1], wx * ly + wy * lx + cx * oy + cy * ox)
-                _put(row, slots[first + 2], wx * lz + wz * lx + cx * oz + cz * ox)
-                _put(row, slots[first + 3], wy * ly + cy * oy)
-                _put(row, slots[first + 4], wy * lz + wz * ly + cy * oz + cz * oy)
-                _put(row, slots[first + 5], wz * lz + cz * oz)
-                _put(row, slots[first + 6], fx + gx + hx)
-                _put(row, slots[first + 7], fy + gy + hy)
-                _put(row, slots[first + 8], fz + gz + hz)
-                _put(row, slots[first + 9], ux * ax + uy * ay + uz * az)
-            row = out[t, j]
-            _put(row, slots[first + 10], acc)
-            _put(row, slots[first + 11], v)
-            _put(row, slots[first + 12], coulomb_sign(v, coulomb_velocity))
-            _put(row, slots[first + 13], 1.0)
-
-
-@kernel
-def _put(row, slot, value):  # type: ignore[no-untyped-def]
-    if slot >= 0:
-        row[slot] = value
+                row = rows[i]
+                row[slot[0]] = wx * lx + cx * ox
+                row[slot[1]] = wx * ly + wy * lx + cx * oy + cy * ox
+                row[slot[2]] = wx * lz + wz * lx + cx * oz + cz * ox
+                row[slot[3]] = wy * ly + cy * oy
+                row[slot[4]] = wy * lz + wz * ly + cy * oz + cz * oy
+                row[slot[5]] = wz * lz + cz * oz
+                row[slot[6]] = ux * bxx + uy * byx + uz * bzx + ay * wz - az * wy
+                row[slot[7]] = ux * bxy + uy * byy + uz * bzy + az * wx - ax * wz
+                row[slot[8]] = ux * bxz + uy * byz + uz * bzz + ax * wy - ay * wx
+                row[slot[9]] = ux * ax + uy * ay + uz * az
+            row = rows[j]
+            row[slot[10]] = acc
+            row[slot[11]] = v
+            row[slot[12]] = coulomb_sign(v, coulomb_velocity)
+            row[slot[13]] = 1.0
+        for i in range(n):
+            for k in range(c):
+                out[t, i, k] = rows[i, k]
 
 
 @kernel

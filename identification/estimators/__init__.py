@@ -1,0 +1,32 @@
+"""Estimators of base parameters; one a file, found by import, one interface.
+
+An estimator is a module with ``estimate(problem) -> Estimate``; its name is the file's.
+"""
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Mapping
+
+from ..errors import InputError
+from ..estimate import Estimate
+from ..problem import Problem
+
+Estimator = Callable[[Problem], Estimate]
+
+
+def estimators() -> Mapping[str, Estimator]:
+    """Every estimator by name."""
+    names = [info.name for info in pkgutil.iter_modules(__path__)]
+    return {name: importlib.import_module(f"{__name__}.{name}").estimate for name in names}
+
+
+def estimate(problem: Problem, estimator: str) -> Estimate:
+    """Estimate the base parameters of ``problem`` by the named estimator.
+
+    Raises InputError for an estimator that does not exist and for a motion that leaves some base
+    parameter unexcited.
+    """
+    known = estimators()
+    if estimator not in known:
+        raise InputError("identification", "estimator", "an estimator", repr(estimator), sorted(known))
+    return known[estimator](problem)

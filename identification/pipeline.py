@@ -1,0 +1,45 @@
+"""From raw runs to an estimate: filter, write the equations, estimate, validate."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from .base_parameters import base_parameters
+from .chain import Chain
+from .estimate import Estimate, TorqueFit
+from .estimators import estimate
+from .models import Preprocessing, observe
+from .parameters import DEFAULT_GROUPS
+from .problem import Problem
+from .signals import Motion
+from .validation import torque_fit
+
+
+@dataclass(frozen=True)
+class IdentificationOptions:
+    """What is identified and how. groups: of standard parameters, see parameters.GROUPS."""
+
+    estimator: str = "wls"
+    groups: Sequence[str] = DEFAULT_GROUPS
+    preprocessing: Preprocessing = field(default_factory=Preprocessing)
+
+
+def identify(
+    chain: Chain,
+    runs: Mapping[str, Motion],
+    validation_runs: Mapping[str, Motion],
+    options: IdentificationOptions,
+) -> tuple[Estimate, tuple[TorqueFit, ...], tuple[TorqueFit, ...]]:
+    """The estimate, how it fits the runs it was made from, and how it predicts the others.
+
+    Runs by name. Raises InputError for runs that are too short or excite too little, and for
+    unknown estimators, groups or differentiation methods.
+    """
+    base = base_parameters(chain, options.groups)
+    fitted = [observe(chain, base, motion, options.preprocessing, name) for name, motion in runs.items()]
+    found = estimate(Problem(chain, base, tuple(fitted)), options.estimator)
+    fits = tuple(torque_fit(found, run) for run in fitted)
+    validations = tuple(
+        torque_fit(found, observe(chain, base, motion, options.preprocessing, name))
+        for name, motion in validation_runs.items()
+    )
+    return found, fits, validations

@@ -1,0 +1,172 @@
+"""The scenario file: one YAML that says what is simulated, identified and compared.
+
+Numbers are in SI units at the joint. A value may also be written with its unit, such as
+``0.1 Hz``; any other unit than the one named here is refused.
+"""
+
+import copy
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from identification.errors import InputError
+from identification.parameters import DEFAULT_GROUPS
+
+
+def _quantity(unit: str) -> BeforeValidator:
+    """Accept a bare number, or a string of a number and exactly this unit."""
+
+    def check(value: object) -> object:
+        if not isinstance(value, str):
+            return value
+        number, _, given = value.strip().partition(" ")
+        if given.strip() != unit:
+            raise ValueError(f"a number in {unit}")
+        return number
+
+    return BeforeValidator(check)
+
+
+Hertz = Annotated[float, _quantity("Hz"), Field(gt=0, allow_inf_nan=False)]
+Seconds = Annotated[float, _quantity("s"), Field(gt=0, allow_inf_nan=False)]
+Radians = Annotated[float, _quantity("rad"), Field(ge=0, allow_inf_nan=False)]
+RadiansPerSecond = Annotated[float, _quantity("rad/s"), Field(ge=0, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+
+
+class ExcitationSection(_Section):
+    """The excitation to design. starts: seeded restarts; limit_share: of the model's limits used."""
+
+    trajectory: Literal["fourier"] = "fourier"
+    criterion: Literal["hadamard", "condition", "logdet"] = "logdet"
+    harmonics: Annotated[int, Field(ge=3, le=50)] = 5
+    base_frequency: Hertz = 0.1
+    starts: Annotated[int, Field(ge=1, le=1000)] = 3
+    limit_share: Annotated[float, Field(gt=0, le=1)] = 0.9
+
+
+class ValidationSection(_Section):
+    """Runs that are not fitted: seeded Fourier series within the same limits, not optimised."""
+
+    runs: Annotated[int, Field(ge=0, le=100)] = 2
+    harmonics: Annotated[int, Field(ge=3, le=50)] = 5
+    base_frequency: Hertz = 0.1
+
+
+class SimulationSection(_Section):
+    """How the robot is driven. periods: repetitions of the excitation; the controller's kind and rates."""
+
+    periods: Annotated[int, Field(ge=1, le=10_000)] = 2
+    controller: Literal["pd", "pd_with_model_feedforward"] = "pd_with_model_feedforward"
+    control_rate: Hertz = 1000.0
+    physics_timestep: Seconds = 2e-4
+
+
+class NoiseSection(_Section):
+    """What the sensors add.
+
+    encoder_bits: counts a turn, 2**bits (null: exact). position: white noise, rad. torque: white
+    noise as a share of the torque limit. torque_correlation_time: s, 0 for white. torque_bias: as
+    a share of the torque limit. torque_delay: s that the torque channel lags the position.
+    """
+
+    encoder_bits: Annotated[int, Field(ge=4, le=40)] | None = 17
+    position: Radians = 0.0
+    torque: Fraction = 0.01
+    torque_correlation_time: Annotated[float, _quantity("s"), Field(ge=0, allow_inf_nan=False)] = 0.0
+    torque_bias: Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False)] = 0.0
+    torque_delay: Annotated[float, _quantity("s"), Field(ge=0, le=0.1, allow_inf_nan=False)] = 0.0
+
+
+class IdentificationSection(_Section):
+    """How the logs become parameters; names as ``testbench list`` shows them."""
+
+    estimator: str = "wls"
+    differentiation: str = "rloess"
+    parameters: tuple[str, ...] = DEFAULT_GROUPS
+    cutoff: Hertz = 20.0
+    dead_zone: RadiansPerSecond = 0.05
+
+
+class Scenario(_Section):
+    """A whole scenario. model: MJCF or URDF, relative to the scenario file.
+
+    variants: name to the fields that differ; each is run beside the scenario itself.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")]
+    model: Path
+    seed: Annotated[int, Field(ge=0)] = 0
+    excitation: ExcitationSection = ExcitationSection()
+    simulation: SimulationSection = SimulationSection()
+    noise: NoiseSection = NoiseSection()
+    validation: ValidationSection = ValidationSection()
+    identification: IdentificationSection = IdentificationSection()
+
+
+def load_scenario(path: str | Path) -> tuple[Scenario, dict[str, Scenario]]:
+    """The scenario of a YAML file, and its variants by name.
+
+    Raises InputError naming the file, the field, what was expected and what came.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(path, "scenario", "an existing YAML file", "no such file")
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(path, "scenario", "YAML", " ".join(str(error).split())) from None
+    if not isinstance(content, dict):
+        raise InputError(path, "scenario", "a mapping of fields", type(content).__name__)
+    variants = content.pop("variants", None) or {}
+    if not isinstance(variants, dict) or not all(isinstance(v, dict) for v in variants.values()):
+        raise InputError(path, "variants", "a mapping of names to fields", repr(variants)[:80])
+    scenario = _validated(path, "", content)
+    out = {}
+    for name, changes in variants.items():
+        named = {"name": f"{content.get('name', '')}-{name}"}
+        out[str(name)] = _validated(path, f"variants.{name}.", _merged(content, changes | named))
+    return scenario, out
+
+
+def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """``base`` with ``changes`` laid over it, section by section."""
+    merged = copy.deepcopy(dict(base))
+    for key, value in changes.items():
+        if isinstance(value, dict) and isinstance(merged.get(key), dict):
+            merged[key] = _merged(merged[key], value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _validated(path: Path, prefix: str, content: Mapping[str, Any]) -> Scenario:
+    try:
+        scenario = Scenario.model_validate(content)
+    except ValidationError as error:
+        raise _complaint(path, prefix, error) from None
+    model = scenario.model if scenario.model.is_absolute() else path.parent / scenario.model
+    return scenario.model_copy(update={"model": model})
+
+
+def _complaint(path: Path, prefix: str, error: ValidationError) -> InputError:
+    """The first fault of a validation, in one line."""
+    fault = error.errors()[0]
+    location = [str(part) for part in fault["loc"]]
+    field = prefix + ".".join(location)
+    if fault["type"] == "extra_forbidden":
+        section: Any = Scenario
+        for part in location[:-1]:
+            section = section.model_fields[part].annotation
+        return InputError(path, field, "a known field", repr(location[-1]), section.model_fields)
+    if fault["type"] == "missing":
+        return InputError(path, field, "a value", "nothing")
+    expected = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    return InputError(path, field, expected, repr(fault["input"])[:80])
