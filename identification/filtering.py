@@ -25,11 +25,17 @@ def zero_phase_lowpass(x: Array, sample_rate: float, cutoff: float) -> Array:
     return signal.sosfiltfilt(sections, x, axis=0, padtype="odd", padlen=padding)
 
 
-def noise_gain(sample_rate: float, cutoff: float) -> float:
-    """RMS of unit white noise after ``zero_phase_lowpass``: the root mean of |H|⁴ over frequency."""
+def noise_gain(sample_rate: float, cutoff: float, pole: float = 0.0) -> float:
+    """RMS of unit-variance noise after ``zero_phase_lowpass``: the root mean of |H|⁴ S over frequency.
+
+    pole: of first-order autoregressive noise, 0 for white; S is its spectrum, of unit mean.
+    """
     sections = signal.butter(ORDER, cutoff, fs=sample_rate, output="sos")
-    _, response = signal.freqz_sos(sections, worN=1 << 14, fs=sample_rate)
-    return float(np.sqrt(np.mean(np.abs(response) ** 4)))
+    # A dense grid: correlated noise has its power in the lowest few bins.
+    frequency, response = signal.freqz_sos(sections, worN=1 << 16, fs=sample_rate)
+    shift = np.exp(-2j * np.pi * frequency / sample_rate)
+    spectrum = (1 - pole**2) / np.abs(1 - pole * shift) ** 2
+    return float(np.sqrt(np.sum(np.abs(response) ** 4 * spectrum) / np.sum(spectrum)))
 
 
 def edge_samples(sample_rate: float, cutoff: float) -> int:

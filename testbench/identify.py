@@ -1,0 +1,106 @@
+"""Identification of logged runs: files in, estimate.json and report.html out."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from identification.errors import InputError
+from identification.models import Preprocessing
+from identification.parameters import GROUPS
+from identification.pipeline import IdentificationOptions, identify
+from identification.signals import Motion
+
+from .estimate_file import write_estimate
+from .log import Recording, check_joints, read_log
+from .report import write_report
+from .results import IdentificationResult
+from .robot import Robot, load_robot
+from .summary import print_summary
+
+# Time stamps that stray further from the grid than this share of a step are resampled.
+GRID_TOLERANCE = 0.01
+
+
+def identify_logs(
+    model: Path,
+    logs: Sequence[Path],
+    validation_logs: Sequence[Path],
+    out: Path,
+    estimator: str,
+    differentiation: str,
+    parameters: Sequence[str] | None,
+    cutoff: float,
+    dead_zone: float,
+) -> IdentificationResult:
+    """Identify the logs, write DIR/estimate.json and DIR/report.html, print the summary.
+
+    parameters: groups of standard parameters, all when None. Raises InputError.
+    """
+    robot = load_robot(model)
+    if not dead_zone >= 0:
+        raise InputError("identify", "dead-zone", "0 or more, rad/s", dead_zone)
+    options = IdentificationOptions(
+        estimator=estimator,
+        groups=tuple(GROUPS) if parameters is None else tuple(parameters),
+        preprocessing=Preprocessing(cutoff, differentiation, dead_zone),
+    )
+    fitted = [_read(path, robot) for path in logs]
+    validated = [_read(path, robot) for path in validation_logs]
+    result = identify_recordings(
+        robot,
+        dict(zip(_run_names(logs), fitted, strict=True)),
+        dict(zip(_run_names(validation_logs), validated, strict=True)),
+        options,
+    )
+    write_estimate(result, out / "estimate.json")
+    write_report(result, out / "report.html")
+    print_summary(result)
+    return result
+
+
+def identify_recordings(
+    robot: Robot,
+    fitted: dict[str, Recording],
+    validated: dict[str, Recording],
+    options: IdentificationOptions,
+) -> IdentificationResult:
+    """Identify recordings by name; the result has no comparison with a truth."""
+    estimate, fits, validations = identify(
+        robot.chain,
+        {name: motion(recording) for name, recording in fitted.items()},
+        {name: motion(recording) for name, recording in validated.items()},
+        options,
+    )
+    return IdentificationResult(
+        robot, estimate, fits, validations, tuple(fitted.values()), tuple(validated.values())
+    )
+
+
+def motion(recording: Recording) -> Motion:
+    """The recording's position and torque on a uniform grid; resampled only where time stamps stray."""
+    rate = recording.sample_rate
+    count = len(recording.time)
+    grid = recording.time[0] + np.arange(count) / rate
+    if np.max(np.abs(recording.time - grid)) <= GRID_TOLERANCE / rate:
+        return Motion(recording.position, recording.torque, rate)
+    grid = np.arange(recording.time[0], recording.time[-1], 1 / rate)
+    position = CubicSpline(recording.time, recording.position)(grid)
+    torque = np.column_stack([np.interp(grid, recording.time, column) for column in recording.torque.T])
+    return Motion(position, torque, rate)
+
+
+def _read(path: Path, robot: Robot) -> Recording:
+    recording = read_log(path)
+    try:
+        check_joints(recording, robot.joint_names)
+    except InputError as error:
+        raise error.located(path) from None
+    return recording
+
+
+def _run_names(paths: Sequence[Path]) -> list[str]:
+    """File stems, or whole paths where stems repeat."""
+    stems = [path.stem for path in paths]
+    return [stem if stems.count(stem) == 1 else str(path) for stem, path in zip(stems, paths, strict=True)]

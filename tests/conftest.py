@@ -1,0 +1,19 @@
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="session")
+def models():
+    return ROOT / "models"
+
+
+@pytest.fixture(scope="session")
+def real_data():
+    """Recordings of real robots, where they lie beside the project."""
+    folder = ROOT.parent / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip("no recordings of real robots beside the project")
+    return folder
