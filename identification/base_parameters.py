@@ -67,7 +67,7 @@ def base_parameters(chain: Chain, groups: Sequence[str] = DEFAULT_GROUPS, seed: 
     candidates, scale = candidates[seen], scale[seen]
     matrix = matrix[:, seen] / scale
     independent, dependent = _independent_columns(matrix)
-    upper = np.linalg.qr(matrix[:, np.r_[independent, dependent]], mode="r")
+    upper = np.asarray(np.linalg.qr(matrix[:, np.r_[independent, dependent]], mode="r"))
     b = len(independent)
     regrouping = solve_triangular(upper[:b, :b], upper[:b, b:])
     regrouping *= scale[dependent] / scale[independent, None]

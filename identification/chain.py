@@ -102,7 +102,11 @@ def _require_serial_arm(model: Any) -> None:
         if kind not in (HINGE, SLIDE):
             name = model.joint(joint).name or f"joint {joint}"
             raise InputError(
-                "model", name, "a hinge or slide joint of a fixed-base arm", JOINT_TYPES[kind], ("hinge", "slide")
+                "model",
+                name,
+                "a hinge or slide joint of a fixed-base arm",
+                JOINT_TYPES[kind],
+                ("hinge", "slide"),
             )
     carrier = {0: -1}
     last = -1

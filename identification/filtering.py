@@ -57,10 +57,16 @@ def require_cutoff(cutoff: float, sample_rate: float, samples: int) -> None:
     """Raise InputError unless the cut-off suits the sample rate and the run is long enough for it."""
     if not 0 < cutoff < 0.45 * sample_rate:
         raise InputError(
-            "filter", "cutoff", f"above 0 and below 0.45 of the sample rate ({0.45 * sample_rate:g} Hz)", f"{cutoff:g} Hz"
+            "filter",
+            "cutoff",
+            f"above 0 and below 0.45 of the sample rate ({0.45 * sample_rate:g} Hz)",
+            f"{cutoff:g} Hz",
         )
     needed = 4 * edge_samples(sample_rate, cutoff)
     if samples < needed:
         raise InputError(
-            "log", "time", f"at least {needed} samples for a {cutoff:g} Hz filter at {sample_rate:g} Hz", f"{samples} samples"
+            "log",
+            "time",
+            f"at least {needed} samples for a {cutoff:g} Hz filter at {sample_rate:g} Hz",
+            f"{samples} samples",
         )

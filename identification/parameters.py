@@ -67,7 +67,9 @@ def group_columns(joints: int, groups: Sequence[str]) -> NDArray[np.int64]:
         if group not in GROUPS:
             raise InputError("parameters", "groups", "names of parameter groups", repr(group), GROUPS)
     within = sorted(index for group in set(groups) for index in GROUPS[group])
-    return np.array([PER_JOINT * joint + index for joint in range(joints) for index in within], dtype=np.int64)
+    return np.array(
+        [PER_JOINT * joint + index for joint in range(joints) for index in within], dtype=np.int64
+    )
 
 
 def inertial_parameters(

@@ -3,6 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .base_parameters import base_parameters
 from .chain import Chain
 from .estimate import Estimate, TorqueFit
@@ -25,18 +28,20 @@ class IdentificationOptions:
 
 def identify(
     chain: Chain,
+    nominal: NDArray[np.float64],
     runs: Mapping[str, Motion],
     validation_runs: Mapping[str, Motion],
     options: IdentificationOptions,
 ) -> tuple[Estimate, tuple[TorqueFit, ...], tuple[TorqueFit, ...]]:
     """The estimate, how it fits the runs it was made from, and how it predicts the others.
 
-    Runs by name. Raises InputError for runs that are too short or excite too little, and for
+    nominal: (14 n,) standard parameters of the model as given. Runs by name. Raises InputError for runs that are too short or excite too little, and for
     unknown estimators, groups or differentiation methods.
     """
     base = base_parameters(chain, options.groups)
     fitted = [observe(chain, base, motion, options.preprocessing, name) for name, motion in runs.items()]
-    found = estimate(Problem(chain, base, tuple(fitted)), options.estimator)
+    problem = Problem(chain, base, tuple(fitted), tuple(runs.values()), options.preprocessing, nominal)
+    found = estimate(problem, options.estimator)
     fits = tuple(torque_fit(found, run) for run in fitted)
     validations = tuple(
         torque_fit(found, observe(chain, base, motion, options.preprocessing, name))

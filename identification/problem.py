@@ -11,7 +11,8 @@ from .chain import Chain
 from .covariance import variance_inflation
 from .errors import InputError
 from .estimate import Estimate
-from .models import Observations
+from .models import Observations, Preprocessing
+from .signals import Motion
 
 Array = NDArray[np.float64]
 
@@ -21,11 +22,19 @@ SINGULAR_CONDITION = 1e7
 
 @dataclass(frozen=True)
 class Problem:
-    """A chain, the base parameters sought, and the equations of every run fitted."""
+    """What an estimator is given.
+
+    chain: kinematics. base: the parameters sought. observations: the equations of every run fitted.
+    motions: the raw runs behind them, in the same order. preprocessing: how one became the other.
+    nominal: (14 n,) standard parameters of the model as given, a starting point and a prior.
+    """
 
     chain: Chain
     base: BaseParameters
     observations: tuple[Observations, ...]
+    motions: tuple[Motion, ...]
+    preprocessing: Preprocessing
+    nominal: Array
 
     @cached_property
     def stacked(self) -> tuple[Array, Array, NDArray[np.int64]]:

@@ -64,7 +64,9 @@ def simulate(
     trajectory: Annotated[Path, Parameter(help="trajectory JSON, as excite writes it")],
     out: Annotated[Path, Parameter(help="robot-log HDF5 to write")],
     periods: Annotated[int, Parameter(help="repetitions of the trajectory")] = 2,
-    controller: Annotated[str, Parameter(help="pd or pd_with_model_feedforward")] = "pd_with_model_feedforward",
+    controller: Annotated[
+        str, Parameter(help="pd or pd_with_model_feedforward")
+    ] = "pd_with_model_feedforward",
     encoder_bits: Annotated[int, Parameter(help="counts a turn, 2**bits; 0 for an exact encoder")] = 17,
     torque_noise: Annotated[float, Parameter(help="white noise as a share of the torque limit")] = 0.01,
     seed: Seed = None,
@@ -86,13 +88,18 @@ def identify(
     model: Model,
     out: Annotated[Path, Parameter(help="folder for estimate.json and report.html")],
     validate: Annotated[
-        list[Path] | None, Parameter(help="logs that are predicted, not fitted", consume_multiple=True, negative=())
+        list[Path] | None,
+        Parameter(help="logs that are predicted, not fitted", consume_multiple=True, negative=()),
     ] = None,
     estimator: Annotated[str, Parameter(help="see testbench list")] = "wls",
     differentiation: Annotated[str, Parameter(help="see testbench list")] = "rloess",
     parameters: Annotated[
         list[str] | None,
-        Parameter(help="inertial armature viscous coulomb offset; all when not given", consume_multiple=True, negative=()),
+        Parameter(
+            help="inertial armature viscous coulomb offset; all when not given",
+            consume_multiple=True,
+            negative=(),
+        ),
     ] = None,
     cutoff: Annotated[float, Parameter(help="Hz, low-pass on torque and regressor")] = 20.0,
     dead_zone: Annotated[float, Parameter(help="rad/s; slower samples do not count")] = 0.05,
@@ -102,9 +109,7 @@ def identify(
     """Identify a robot's base parameters from its logs and validate them on others."""
     from .identify import identify_logs
 
-    identify_logs(
-        model, logs, validate or [], out, estimator, differentiation, parameters, cutoff, dead_zone
-    )
+    identify_logs(model, logs, validate or [], out, estimator, differentiation, parameters, cutoff, dead_zone)
 
 
 @app.command(name="list")

@@ -69,6 +69,7 @@ def identify_recordings(
     """Identify recordings by name; the result has no comparison with a truth."""
     estimate, fits, validations = identify(
         robot.chain,
+        robot.parameters,
         {name: motion(recording) for name, recording in fitted.items()},
         {name: motion(recording) for name, recording in validated.items()},
         options,

@@ -38,20 +38,23 @@ def _wave(robot, seconds=12.0, seed=0):
     return q, dq, ddq
 
 
-def _exact_observations(robot, base, noise=None, seed=0):
+def _exact_problem(robot, base, noise=None, seed=0):
     q, dq, ddq = _wave(robot, seed=seed)
     rows = regressor(robot.chain, q, dq, ddq, base.columns)
     torque = rows @ base.values(robot.parameters)
     if noise is not None:
         torque = torque + noise * np.random.default_rng(100 + seed).normal(size=torque.shape)
     used = np.ones(torque.shape, dtype=bool)
-    return Observations(f"run_{seed}", np.arange(len(q)) / RATE, q, dq, rows, torque, used, RATE)
+    run = Observations(f"run_{seed}", np.arange(len(q)) / RATE, q, dq, rows, torque, used, RATE)
+    return Problem(
+        robot.chain, base, (run,), (Motion(q, torque, RATE),), Preprocessing(), nominal=0.9 * robot.parameters
+    )
 
 
 @pytest.mark.parametrize("name", sorted(estimators()))
 def test_exact_data_returns_the_truth(robot, name):
     base = base_parameters(robot.chain)
-    problem = Problem(robot.chain, base, (_exact_observations(robot, base),))
+    problem = _exact_problem(robot, base)
     found = estimate(problem, name)
     truth = base.values(robot.parameters)
     assert np.abs(found.values - truth).max() < 1e-6 * np.abs(truth).max()
@@ -63,7 +66,7 @@ def test_stated_deviations_cover_the_truth_at_unequal_noise(robot):
     noise = 0.01 * robot.limits.torque
     scores = []
     for seed in range(12):
-        problem = Problem(robot.chain, base, (_exact_observations(robot, base, noise, seed),))
+        problem = _exact_problem(robot, base, noise, seed)
         found = estimate(problem, "wls")
         scores.append((found.values - truth) / found.std)
     spread = np.std(scores)
@@ -73,7 +76,7 @@ def test_stated_deviations_cover_the_truth_at_unequal_noise(robot):
 
 def test_weights_beat_equal_rows_where_noise_differs_between_joints(robot):
     base = base_parameters(robot.chain)
-    problem = Problem(robot.chain, base, (_exact_observations(robot, base, 0.01 * robot.limits.torque),))
+    problem = _exact_problem(robot, base, 0.01 * robot.limits.torque)
     ordinary, weighted = estimate(problem, "ols"), estimate(problem, "wls")
     assert np.median(weighted.std / ordinary.std) < 0.5
 
@@ -98,7 +101,7 @@ def test_filtering_regressor_and_torque_alike_adds_no_bias(robot):
     tau = regressor(robot.chain, q, dq, ddq) @ robot.parameters
     motion = Motion(q, tau, RATE)
     options = IdentificationOptions(preprocessing=Preprocessing(differentiation="butterworth_central"))
-    found, fits, _ = identify(robot.chain, {"run": motion}, {}, options)
+    found, fits, _ = identify(robot.chain, robot.parameters, {"run": motion}, {}, options)
     truth = found.base.values(robot.parameters)
     assert np.abs(found.values - truth).max() < 2e-3 * np.abs(truth).max()
     assert fits[0].overall_relative < 2e-3
@@ -117,26 +120,38 @@ def test_a_motion_that_excites_nothing_is_refused_by_name(robot):
     q, _, _ = _wave(robot)
     q[:, 3] = 0.1
     with pytest.raises(InputError, match="nothing that reveals .*joint_4"):
-        identify(robot.chain, {"run": Motion(q, np.zeros_like(q), RATE)}, {}, IdentificationOptions())
+        identify(
+            robot.chain,
+            robot.parameters,
+            {"run": Motion(q, np.zeros_like(q), RATE)},
+            {},
+            IdentificationOptions(),
+        )
 
 
 def test_standing_still_is_refused(robot):
     rest = np.zeros((5000, robot.joints))
     with pytest.raises(InputError, match="outside the dead zone"):
-        identify(robot.chain, {"run": Motion(rest, rest, RATE)}, {}, IdentificationOptions())
+        identify(
+            robot.chain, robot.parameters, {"run": Motion(rest, rest, RATE)}, {}, IdentificationOptions()
+        )
 
 
 def test_unknown_names_list_the_valid_ones(robot):
     q, _, _ = _wave(robot)
     runs = {"run": Motion(q, q, RATE)}
     with pytest.raises(InputError, match="valid: .*ols.*wls"):
-        identify(robot.chain, runs, {}, IdentificationOptions(estimator="best"))
+        identify(robot.chain, robot.parameters, runs, {}, IdentificationOptions(estimator="best"))
     with pytest.raises(InputError, match="valid: .*rloess"):
         identify(
-            robot.chain, runs, {}, IdentificationOptions(preprocessing=Preprocessing(differentiation="magic"))
+            robot.chain,
+            robot.parameters,
+            runs,
+            {},
+            IdentificationOptions(preprocessing=Preprocessing(differentiation="magic")),
         )
     with pytest.raises(InputError, match="valid: .*coulomb"):
-        identify(robot.chain, runs, {}, IdentificationOptions(groups=("stiction",)))
+        identify(robot.chain, robot.parameters, runs, {}, IdentificationOptions(groups=("stiction",)))
 
 
 def test_base_values_predict_what_standard_values_do(robot):

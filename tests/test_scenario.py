@@ -41,9 +41,15 @@ def test_variants_change_only_what_they_name(scenario_file):
     ("text", "complaint"),
     [
         (GOOD + "speed: 3\n", r"speed: expected a known field.*valid: name, model"),
-        (GOOD + "excitation: {criterium: logdet}\n", r"excitation.criterium: expected a known field.*criterion"),
+        (
+            GOOD + "excitation: {criterium: logdet}\n",
+            r"excitation.criterium: expected a known field.*criterion",
+        ),
         (GOOD + "excitation: {criterion: best}\n", r"excitation.criterion: expected 'hadamard', 'condition'"),
-        (GOOD + "excitation: {base_frequency: 6 rad/s}\n", r"base_frequency: expected a number in Hz, got '6 rad/s'"),
+        (
+            GOOD + "excitation: {base_frequency: 6 rad/s}\n",
+            r"base_frequency: expected a number in Hz, got '6 rad/s'",
+        ),
         (GOOD + "simulation: {periods: two}\n", r"simulation.periods: expected a valid integer.*'two'"),
         (GOOD + "noise: {torque: .nan}\n", r"noise.torque: expected a finite number, got nan"),
         (GOOD + "noise: {torque: -1}\n", r"noise.torque: expected greater than or equal to 0, got -1"),

@@ -1,0 +1,184 @@
+"""Distances between the robot's parts, and to its surroundings, along a motion: MuJoCo's geometry.
+
+A distance's derivative follows from its two witness points: with the unit vector n from one to the
+other, d' = n . (J2 - J1), J the points' Jacobians.
+"""
+
+import ctypes
+from dataclasses import dataclass
+from typing import Any
+
+import llvmlite.binding
+import mujoco
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from identification.errors import InputError
+from identification.kinematics import kernel
+from identification.regressor import in_blocks
+
+from .robot import Robot
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Distances are exact up to this much, m, beyond the required one; a pair further apart gets that.
+REACH = 0.15
+
+_library = ctypes.CDLL(mujoco._functions.__file__)
+for _name in ("mj_kinematics", "mj_geomDistance"):
+    # By name, so that the compiled kernel can be cached on disk.
+    llvmlite.binding.add_symbol(_name, ctypes.cast(getattr(_library, _name), ctypes.c_void_p).value)
+
+_kinematics = types.ExternalFunction("mj_kinematics", types.void(types.intp, types.intp))
+_geom_distance = types.ExternalFunction(
+    "mj_geomDistance",
+    types.float64(types.intp, types.intp, types.int32, types.int32, types.float64, types.CPointer(types.float64)),
+)
+
+
+@dataclass(frozen=True)
+class RobotClearance:
+    """Distances of a robot's P geom pairs; implements ``identification.excitation.limits.Clearance``.
+
+    required: m. pairs: P names. geoms: (P, 2) geom indices. links: (P, 2) the joint whose link
+    carries each geom, -1 for the world.
+    """
+
+    model: mujoco.MjModel
+    required: float
+    pairs: tuple[str, ...]
+    geoms: Indices
+    links: Indices
+
+    def distances(self, q: Array) -> Array:
+        """Signed distances (N, P) m at the configurations (N, n), capped REACH beyond ``required``."""
+        return self._measure(q, np.empty((0, 0, 0)))
+
+    def gradients(self, q: Array) -> tuple[Array, Array]:
+        """Signed distances (N, P) m, and their derivatives with respect to q, (N, P, n)."""
+        out = np.empty((len(q), *self.links.shape[:1], self.model.njnt))
+        return self._measure(q, out), out
+
+    def _measure(self, q: Array, gradients: Array) -> Array:
+        q = np.ascontiguousarray(q, dtype=np.float64)
+        distances = np.empty((len(q), len(self.geoms)))
+        reach = self.required + REACH
+
+        def measure(start: int, stop: int) -> None:
+            part, data = slice(start, stop), mujoco.MjData(self.model)
+            views = (data.qpos, data.geom_xpos, data.xanchor, data.xaxis)
+            addresses = (self.model._address, data._address)
+            fixed = (*addresses, *views, self.model.geom_rbound, self.geoms, self.links, reach)
+            _measure(*fixed, q[part], distances[part], gradients[part])
+
+        in_blocks(measure, len(q), None)
+        return distances
+
+
+def robot_clearance(robot: Robot, required: float) -> RobotClearance | None:
+    """Clearance over the model's collision pairs, or None where it has none.
+
+    The pairs are those of <contact><pair>, and the geoms whose contype and conaffinity let them
+    collide on links that are not neighbours (the base is the neighbour of the first link).
+    required: m. Raises InputError when it is negative.
+    """
+    if not required >= 0:
+        raise InputError(robot.path, "clearance", "a distance of at least 0 m", required)
+    model = robot.model
+    carriers = _carriers(model)
+    found = {(int(a), int(b)) for a, b in zip(model.pair_geom1, model.pair_geom2, strict=True)}
+    for a in range(model.ngeom):
+        for b in range(a + 1, model.ngeom):
+            if _collide(model, a, b) and abs(carriers[a] - carriers[b]) > 1:
+                found.add((a, b))
+    # Geoms that do not move against each other keep their distance, whatever the motion.
+    ordered = sorted(pair for pair in found if carriers[pair[0]] != carriers[pair[1]])
+    if not ordered:
+        return None
+    geoms = np.array(ordered, dtype=np.int64)
+    return RobotClearance(
+        model=model,
+        required=float(required),
+        pairs=tuple(f"{_geom_name(model, a)} and {_geom_name(model, b)}" for a, b in ordered),
+        geoms=geoms,
+        links=carriers[geoms],
+    )
+
+
+def _carriers(model: mujoco.MjModel) -> Indices:
+    """The joint whose link carries each geom (ngeom,), -1 for the world."""
+    joint = np.full(model.nbody, -1, dtype=np.int64)
+    for body in range(1, model.nbody):
+        count = int(model.body_jntnum[body])
+        own = int(model.body_jntadr[body]) + count - 1
+        joint[body] = own if count else joint[model.body_parentid[body]]
+    return joint[model.geom_bodyid]
+
+
+def _collide(model: mujoco.MjModel, a: int, b: int) -> bool:
+    """Whether MuJoCo's filter lets two geoms collide (and can: two planes cannot)."""
+    types_ = {int(model.geom_type[a]), int(model.geom_type[b])}
+    if types_ <= {int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)}:
+        return False
+    contype, conaffinity = model.geom_contype, model.geom_conaffinity
+    return bool(contype[a] & conaffinity[b] or contype[b] & conaffinity[a])
+
+
+def _geom_name(model: mujoco.MjModel, geom: int) -> str:
+    body = model.body(model.geom_bodyid[geom]).name
+    return model.geom(geom).name or f"geom {geom} of {body}"
+
+
+@kernel
+def _measure(  # type: ignore[no-untyped-def]
+    model,
+    data,
+    qpos,
+    centres,
+    anchors,
+    axes,
+    radii,
+    geoms,
+    links,
+    reach,
+    q,
+    distances,
+    gradients,
+) -> Any:
+    witness = np.zeros(6)
+    wanted = gradients.shape[0] > 0
+    for t in range(q.shape[0]):
+        for j in range(q.shape[1]):
+            qpos[j] = q[t, j]
+        _kinematics(model, data)
+        for p in range(geoms.shape[0]):
+            a, b = geoms[p, 0], geoms[p, 1]
+            distance = reach
+            # A bounding radius of 0 means an unbounded geom, such as a plane.
+            dx, dy, dz = (
+                centres[b, 0] - centres[a, 0],
+                centres[b, 1] - centres[a, 1],
+                centres[b, 2] - centres[a, 2],
+            )
+            span = reach + radii[a] + radii[b]
+            if radii[a] == 0.0 or radii[b] == 0.0 or dx * dx + dy * dy + dz * dz < span * span:
+                distance = _geom_distance(model, data, np.int32(a), np.int32(b), reach, witness.ctypes)
+            distances[t, p] = distance
+            if not wanted:
+                continue
+            for j in range(q.shape[1]):
+                gradients[t, p, j] = 0.0
+            # Touching exactly, the direction is undefined.
+            if distance >= reach or distance == 0.0:
+                continue
+            nx = (witness[3] - witness[0]) / distance
+            ny = (witness[4] - witness[1]) / distance
+            nz = (witness[5] - witness[2]) / distance
+            for side in range(2):
+                sign = 2.0 * side - 1.0
+                for j in range(links[p, side] + 1):
+                    gradients[t, p, j] += sign * _speed(
+                        slides[j], anchors, axes, j, witness, 3 * side, nx, ny, nz
+                    )

@@ -1,0 +1,86 @@
+"""estimate.json: the result of an identification, for machines."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .files import replacing
+from .report.findings import TorqueError, noise_ratio, parameter_rows, torque_error, torque_unit
+from .results import IdentificationResult
+
+
+def write_estimate(result: IdentificationResult, path: str | Path) -> None:
+    """Write estimate.json, whole or not at all. What is unknown, or not finite, is null."""
+    text = json.dumps(estimate_document(result), ensure_ascii=False, indent=2, allow_nan=False)
+    with replacing(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def estimate_document(result: IdentificationResult) -> dict[str, Any]:
+    """What estimate.json holds, as plain JSON types.
+
+    torque_rms and relative_residual are per joint, over all runs of a kind, null where there are none;
+    percent_sigma in %; runs give each run's own torque RMS.
+    """
+    estimate, comparison = result.estimate, result.comparison
+    fit, validation = torque_error(result.fits), torque_error(result.validations)
+    return {
+        "format": "identification-estimate",
+        "format_version": 1,
+        "robot": result.robot.name,
+        "joint_names": list(result.robot.joint_names),
+        "estimator": estimate.estimator,
+        "base_parameters": [
+            {
+                "name": row.name,
+                "value": _number(row.value),
+                "std": _number(row.std),
+                "truth": _number(row.truth),
+                "unit": row.unit,
+                "percent_sigma": _number(row.percent_sigma),
+                "cramer_rao": _number(row.cramer_rao),
+            }
+            for row in parameter_rows(result)
+        ],
+        "torque_rms": {
+            "fit": _per_joint(fit, "rms"),
+            "validation": _per_joint(validation, "rms"),
+            "unit": torque_unit(result),
+        },
+        "relative_residual": {
+            "fit": _per_joint(fit, "relative"),
+            "validation": _per_joint(validation, "relative"),
+            "unit": "1",
+        },
+        "overall_relative_residual": {
+            "fit": None if fit is None else _number(fit.overall),
+            "validation": None if validation is None else _number(validation.overall),
+            "unit": "1",
+        },
+        "noise_floor": None if comparison is None else _numbers(comparison.noise_floor),
+        "torque_over_noise_floor": _number(noise_ratio(result)),
+        "condition_number": _number(estimate.condition_number),
+        "effective_samples": _number(estimate.effective_samples),
+        "runs": [
+            {"name": run.name, "role": role, "torque_rms": _numbers(run.rms)}
+            for role, runs in (("fit", result.fits), ("validation", result.validations))
+            for run in runs
+        ],
+    }
+
+
+def _per_joint(error: TorqueError | None, field: str) -> list[float | None] | None:
+    return None if error is None else _numbers(getattr(error, field))
+
+
+def _numbers(values: NDArray[np.float64]) -> list[float | None]:
+    return [_number(value) for value in values]
+
+
+def _number(value: float | None) -> float | None:
+    """JSON has no NaN and no infinity."""
+    return None if value is None or not math.isfinite(value) else float(value)
