@@ -1,0 +1,63 @@
+"""What an unmodelled effect is: its law, its parameters, and where it acts."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+class Scope(StrEnum):
+    """Where an effect acts: one joint, a pair of joints, or the whole robot."""
+
+    JOINT = "joint"
+    PAIR = "pair"
+    ROBOT = "robot"
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One parameter of an effect, SI at the joint.
+
+    name, unit: as the diagnosis states them. lower, upper: hard bounds. typical: (low, high) on an
+    industrial arm; for parameters that scale with the joint, as a share of ``relative_to``
+    (coulomb, viscous_torque, torque_limit, gravity, inertia), else absolute and relative_to is "".
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    typical: tuple[float, float]
+    relative_to: str = ""
+
+
+@dataclass(frozen=True)
+class EffectDescription:
+    """What is known of an effect, whichever face uses it.
+
+    name: of the contract. title: for people. law: the formula. reference: where it comes from.
+    scope: where it acts. parameters: in the order of the contract. laws: the variants simulation
+    offers, the default first. confused_with: names of effects that look alike.
+    """
+
+    name: str
+    title: str
+    law: str
+    reference: str
+    scope: Scope
+    parameters: tuple[EffectParameter, ...]
+    laws: tuple[str, ...] = ("default",)
+    confused_with: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Injection:
+    """One effect put into the simulated robot.
+
+    effect: its name. joint: index, or None for the whole robot. values: parameter to SI value.
+    law: which variant. into: index of the second joint of a pair, or None.
+    """
+
+    effect: str
+    joint: int | None
+    values: dict[str, float] = field(default_factory=dict)
+    law: str = "default"
+    into: int | None = None
