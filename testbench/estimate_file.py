@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .files import replacing
-from .report.findings import TorqueError, noise_ratio, parameter_rows, torque_error, torque_unit
+from .findings import TorqueError, noise_ratio, parameter_rows, torque_error, torque_unit
 from .results import IdentificationResult
 
 

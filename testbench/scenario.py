@@ -72,12 +72,13 @@ class SimulationSection(_Section):
 class NoiseSection(_Section):
     """What the sensors add.
 
-    encoder_bits: counts a turn, 2**bits (null: exact). position: white noise, rad. torque: white
-    noise as a share of the torque limit. torque_correlation_time: s, 0 for white. torque_bias: as
+    encoder_bits: counts a turn, 2**bits (null: exact). slide_resolution: m, of a slide joint's
+    encoder. position: white noise, rad (m). torque: white noise as a share of the torque limit. torque_correlation_time: s, 0 for white. torque_bias: as
     a share of the torque limit. torque_delay: s that the torque channel lags the position.
     """
 
     encoder_bits: Annotated[int, Field(ge=4, le=40)] | None = 17
+    slide_resolution: Annotated[float, _quantity("m"), Field(ge=0, allow_inf_nan=False)] = 1e-6
     position: Radians = 0.0
     torque: Fraction = 0.01
     torque_correlation_time: Annotated[float, _quantity("s"), Field(ge=0, allow_inf_nan=False)] = 0.0

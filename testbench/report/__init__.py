@@ -1,0 +1,5 @@
+"""The readable page of one identification: what was found, how good it is, and how one can tell."""
+
+from .page import write_report
+
+__all__ = ["write_report"]
