@@ -71,7 +71,7 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
         link = parent.link
         start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         for joint in range(start, start + count):
-            frame = rotation @ _frame_with_z(model.jnt_axis[joint])
+            frame = rotation @ frame_with_z(model.jnt_axis[joint])
             anchor = position + rotation @ model.jnt_pos[joint]
             rotations[joint], translations[joint] = _pose_at_zero(model, joint, frame, anchor)
             # From here on the body is described in this joint's link frame.
@@ -150,7 +150,7 @@ def _matrix(quaternion: Array) -> Array:
     )
 
 
-def _frame_with_z(axis: Array) -> Array:
+def frame_with_z(axis: Array) -> Array:
     """A rotation (3, 3) whose third column is ``axis``; the smallest turn that does it."""
     z = axis / np.linalg.norm(axis)
     if z[2] > 1 - 1e-14:

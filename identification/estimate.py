@@ -20,6 +20,7 @@ class Estimate:
     condition_number: of the stacked regressor, columns scaled to unit norm.
     effective_samples: independent residual samples, over all joints.
     estimator: its name.
+    standard: (14 n,) a full standard vector with these base values, where the estimator finds one.
     """
 
     base: BaseParameters
@@ -29,6 +30,7 @@ class Estimate:
     condition_number: float
     effective_samples: float
     estimator: str
+    standard: Array | None = None
 
     @property
     def std(self) -> Array:

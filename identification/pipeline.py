@@ -1,7 +1,7 @@
 """From raw runs to an estimate: filter, write the equations, estimate, validate."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,16 +35,23 @@ def identify(
 ) -> tuple[Estimate, tuple[TorqueFit, ...], tuple[TorqueFit, ...]]:
     """The estimate, how it fits the runs it was made from, and how it predicts the others.
 
-    nominal: (14 n,) standard parameters of the model as given. Runs by name. Raises InputError for runs that are too short or excite too little, and for
-    unknown estimators, groups or differentiation methods.
+    nominal: (14 n,) standard parameters of the model as given. Runs by name. Raises InputError for
+    runs that are too short or excite too little, and for unknown estimators, groups, identification
+    models or differentiation methods.
     """
     base = base_parameters(chain, options.groups)
     fitted = [observe(chain, base, motion, options.preprocessing, name) for name, motion in runs.items()]
     problem = Problem(chain, base, tuple(fitted), tuple(runs.values()), options.preprocessing, nominal)
     found = estimate(problem, options.estimator)
+    # Whatever equations it was found by, an estimate is judged by the torque it predicts.
+    torques = replace(options.preprocessing, model="inverse_dynamic")
+    if options.preprocessing.model != torques.model:
+        fitted = [observe(chain, base, motion, torques, name) for name, motion in runs.items()]
+        std, _ = replace(problem, observations=tuple(fitted)).residual_std(found.values)
+        found = replace(found, noise_std=std)
     fits = tuple(torque_fit(found, run) for run in fitted)
     validations = tuple(
-        torque_fit(found, observe(chain, base, motion, options.preprocessing, name))
+        torque_fit(found, observe(chain, base, motion, torques, name))
         for name, motion in validation_runs.items()
     )
     return found, fits, validations

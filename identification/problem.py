@@ -1,17 +1,19 @@
 """The identification problem an estimator solves, and the linear algebra that estimators share."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from .base_parameters import BaseParameters
 from .chain import Chain
 from .covariance import variance_inflation
 from .errors import InputError
 from .estimate import Estimate
-from .models import Observations, Preprocessing
+from .observations import Observations, Preprocessing
 from .signals import Motion
 
 Array = NDArray[np.float64]
@@ -38,7 +40,7 @@ class Problem:
 
     @cached_property
     def stacked(self) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Used rows of all runs: regressor (K, b), torque (K,), joint of each row (K,).
+        """Used rows of all runs: regressor (K, b), torque (K,), equation of each row (K,): its joint.
 
         Raises InputError when there are fewer rows than parameters.
         """
@@ -78,37 +80,65 @@ class Problem:
             f"nothing that reveals {self.base.names[column]} ({joint})",
         )
 
+    @property
+    def equations(self) -> int:
+        """Equations an instant, e: one a joint, or one in all by the energy and power models."""
+        return self.observations[0].torque.shape[1]
+
+    def whitened(self, covariances: Sequence[Array]) -> "Problem":
+        """The same problem with each instant's equations multiplied by the inverse Cholesky factor of
+        their covariance: then they are independent, of unit variance.
+
+        covariances: a run, (M, e, e) or (e, e) for all its instants; unused rows take no part.
+        """
+        runs = []
+        for run, covariance in zip(self.observations, covariances, strict=True):
+            both = run.used[:, :, None] & run.used[:, None, :]
+            factor = np.linalg.cholesky(np.where(both, covariance, np.eye(self.equations)))
+            sides = np.where(run.used[:, :, None], np.dstack([run.regressor, run.torque[:, :, None]]), 0.0)
+            white = np.linalg.solve(factor, sides)
+            runs.append(replace(run, regressor=white[:, :, :-1], torque=white[:, :, -1]))
+        return replace(self, observations=tuple(runs))
+
     def weighted_least_squares(self, weights: Array) -> Array:
-        """Values (b,) that minimise the squared residuals with joint j's rows times weights[j] (n,)."""
+        """Values (b,) that minimise the squared residuals with equation j's rows times weights[j] (e,)."""
         rows, torque, joint = self.stacked
         scale = weights[joint]
         scaled = rows * scale[:, None]
         norms = np.linalg.norm(scaled, axis=0)
-        q, r = np.linalg.qr(scaled / norms)
-        return np.linalg.solve(r, q.T @ (torque * scale)) / norms
+        # The factor of [W tau] holds Q'tau in its last column; Q itself is never formed.
+        upper = np.linalg.qr(np.column_stack([scaled / norms, torque * scale]), mode="r")
+        return solve_triangular(upper[:-1, :-1], upper[:-1, -1]) / norms
 
     def residual_std(self, values: Array) -> tuple[Array, Array]:
-        """Residual standard deviation (n,) N·m and variance inflation (n,) of a joint at ``values``."""
+        """Residual standard deviation (e,) and variance inflation (e,) of each equation at ``values``."""
         residuals = [run.residual(values) for run in self.observations]
         variance, inflation = variance_inflation(residuals, [run.used for run in self.observations])
         return np.sqrt(variance), inflation
+
+    def residual_weights(self, values: Array) -> Array:
+        """1 / residual deviation of each equation at ``values``, (e,), widened by its inflation."""
+        std, inflation = self.residual_std(values)
+        spread = std * np.sqrt(inflation)
+        # Noise-free data would divide by zero; deviations below rounding say nothing about weights.
+        return 1 / np.maximum(spread, 1e-9 * np.max(spread) + np.finfo(float).tiny)
 
     def linear_estimate(self, values: Array, weights: Array, estimator: str) -> Estimate:
         """The Estimate of a (weighted) linear fit, with its sandwich covariance.
 
         Covariance A^-1 (sum_j w_j^4 s_j^2 f_j W_j'W_j) A^-1 with A = sum_j w_j^2 W_j'W_j, residual
-        deviation s_j and variance inflation f_j of joint j: exact for white noise, and widened by
+        deviation s_j and variance inflation f_j of equation j: exact for white noise, and widened by
         the effective sample size for coloured.
         """
         rows, _, joint = self.stacked
         condition = self.condition_number
         std, inflation = self.residual_std(values)
-        counts = np.bincount(joint, minlength=self.chain.joints).astype(float)
+        counts = np.bincount(joint, minlength=self.equations).astype(float)
         norms = np.linalg.norm(rows * weights[joint][:, None], axis=0)
         scaled = rows / norms
         bread = np.zeros((self.base.count, self.base.count))
         meat = np.zeros_like(bread)
-        for j in range(self.chain.joints):
+        for j in range(self.equations):
             block = scaled[joint == j]
             information = block.T @ block
             bread += weights[j] ** 2 * information

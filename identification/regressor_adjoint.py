@@ -68,9 +68,11 @@ def _regressor_adjoint(  # type: ignore[no-untyped-def]
     motions = np.empty((n, n, 6))
     motion_bars = np.empty((n, 6))
     active = np.empty(n, dtype=np.bool_)
+    # One place more than columns, zero: the seed of every column that was not asked for.
+    rows = np.zeros((n, seeds.shape[2] + 1))
     for t in range(q.shape[0]):
         bars[:, t] = 0.0
-        if not _active_rows(seeds[t], active):
+        if not _load_rows(seeds[t], rows, active):
             continue
         _outward(
             is_slide,
@@ -98,11 +100,11 @@ def _regressor_adjoint(  # type: ignore[no-untyped-def]
                     continue
                 wx, wy, wz = motions[j, i, 0], motions[j, i, 1], motions[j, i, 2]
                 ux, uy, uz = motions[j, i, 3], motions[j, i, 4], motions[j, i, 5]
-                xx, xy = _seed(seeds, t, i, slots[first]), _seed(seeds, t, i, slots[first + 1])
-                xz, yy = _seed(seeds, t, i, slots[first + 2]), _seed(seeds, t, i, slots[first + 3])
-                yz, zz = _seed(seeds, t, i, slots[first + 4]), _seed(seeds, t, i, slots[first + 5])
-                gx, gy = _seed(seeds, t, i, slots[first + 6]), _seed(seeds, t, i, slots[first + 7])
-                gz, m = _seed(seeds, t, i, slots[first + 8]), _seed(seeds, t, i, slots[first + 9])
+                row = rows[i]
+                xx, xy, xz = row[slots[first]], row[slots[first + 1]], row[slots[first + 2]]
+                yy, yz, zz = row[slots[first + 3]], row[slots[first + 4]], row[slots[first + 5]]
+                gx, gy, gz = row[slots[first + 6]], row[slots[first + 7]], row[slots[first + 8]]
+                m = row[slots[first + 9]]
                 cx, cy, cz = cross(wx, wy, wz, ox, oy, oz)
                 ex, ey, ez = cross(ux, uy, uz, ox, oy, oz)
                 cbx, cby, cbz = _times(xx, xy, xz, yy, yz, zz, ox, oy, oz)
@@ -141,11 +143,11 @@ def _regressor_adjoint(  # type: ignore[no-untyped-def]
                 abz += s1z + m * uz
             v = dq[t, j]
             q_bar = 0.0
-            dq_bar = _seed(seeds, t, j, slots[first + 11])
-            ddq_bar = _seed(seeds, t, j, slots[first + 10])
+            dq_bar = rows[j, slots[first + 11]]
+            ddq_bar = rows[j, slots[first + 10]]
             if coulomb_velocity > 0.0:
                 smooth = np.tanh(v / coulomb_velocity)
-                dq_bar += _seed(seeds, t, j, slots[first + 12]) * (1.0 - smooth * smooth) / coulomb_velocity
+                dq_bar += rows[j, slots[first + 12]] * (1.0 - smooth * smooth) / coulomb_velocity
             if is_slide[j]:
                 # a = R'(...) + 2 v omega x z + acc z.
                 dq_bar += 2.0 * (abx * oy - aby * ox)
@@ -250,22 +252,18 @@ def _outward(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _active_rows(seeds, active):  # type: ignore[no-untyped-def]
-    """Mark the joints that have a seed other than zero; whether there is any."""
+def _load_rows(seeds, rows, active):  # type: ignore[no-untyped-def]
+    """Copy the seeds, and mark the joints that have one other than zero; whether there is any."""
     found = False
     for i in range(seeds.shape[0]):
         active[i] = False
-        for value in seeds[i]:
+        for k in range(seeds.shape[1]):
+            value = seeds[i, k]
+            rows[i, k] = value
             if value != 0.0:
                 active[i] = True
-                found = True
-                break
+        found = found or active[i]
     return found
-
-
-@kernel
-def _seed(seeds, t, i, slot):  # type: ignore[no-untyped-def]
-    return seeds[t, i, slot] if slot >= 0 else 0.0
 
 
 @kernel

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .estimate import Estimate, TorqueFit
-from .models import Observations
+from .observations import Observations
 
 
 def torque_fit(estimate: Estimate, run: Observations) -> TorqueFit:

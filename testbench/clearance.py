@@ -5,7 +5,7 @@ other, d' = n . (J2 - J1), J the points' Jacobians.
 """
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import llvmlite.binding
@@ -15,7 +15,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from identification.errors import InputError
-from identification.kinematics import kernel
+from identification.kinematics import cross, kernel
 from identification.regressor import in_blocks
 
 from .robot import Robot
@@ -25,6 +25,7 @@ Indices = NDArray[np.int64]
 
 # Distances are exact up to this much, m, beyond the required one; a pair further apart gets that.
 REACH = 0.15
+WITHOUT_VOLUME = {int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)}
 
 _library = ctypes.CDLL(mujoco._functions.__file__)
 for _name in ("mj_kinematics", "mj_geomDistance"):
@@ -34,7 +35,9 @@ for _name in ("mj_kinematics", "mj_geomDistance"):
 _kinematics = types.ExternalFunction("mj_kinematics", types.void(types.intp, types.intp))
 _geom_distance = types.ExternalFunction(
     "mj_geomDistance",
-    types.float64(types.intp, types.intp, types.int32, types.int32, types.float64, types.CPointer(types.float64)),
+    types.float64(
+        types.intp, types.intp, types.int32, types.int32, types.float64, types.CPointer(types.float64)
+    ),
 )
 
 
@@ -42,15 +45,17 @@ _geom_distance = types.ExternalFunction(
 class RobotClearance:
     """Distances of a robot's P geom pairs; implements ``identification.excitation.limits.Clearance``.
 
-    required: m. pairs: P names. geoms: (P, 2) geom indices. links: (P, 2) the joint whose link
-    carries each geom, -1 for the world.
+    is_slide: (n,). required: m. pairs: P names. geoms: (P, 2) geom indices. links: (P, 2) the joint
+    whose link carries each geom, -1 for the world.
     """
 
     model: mujoco.MjModel
+    is_slide: NDArray[np.bool_]
     required: float
     pairs: tuple[str, ...]
     geoms: Indices
     links: Indices
+    _idle: list[mujoco.MjData] = field(default_factory=list, repr=False, compare=False)
 
     def distances(self, q: Array) -> Array:
         """Signed distances (N, P) m at the configurations (N, n), capped REACH beyond ``required``."""
@@ -58,7 +63,7 @@ class RobotClearance:
 
     def gradients(self, q: Array) -> tuple[Array, Array]:
         """Signed distances (N, P) m, and their derivatives with respect to q, (N, P, n)."""
-        out = np.empty((len(q), *self.links.shape[:1], self.model.njnt))
+        out = np.empty((len(q), len(self.geoms), self.model.njnt))
         return self._measure(q, out), out
 
     def _measure(self, q: Array, gradients: Array) -> Array:
@@ -67,14 +72,22 @@ class RobotClearance:
         reach = self.required + REACH
 
         def measure(start: int, stop: int) -> None:
-            part, data = slice(start, stop), mujoco.MjData(self.model)
+            part, data = slice(start, stop), self._take_data()
             views = (data.qpos, data.geom_xpos, data.xanchor, data.xaxis)
             addresses = (self.model._address, data._address)
-            fixed = (*addresses, *views, self.model.geom_rbound, self.geoms, self.links, reach)
-            _measure(*fixed, q[part], distances[part], gradients[part])
+            constants = (self.model.geom_rbound, self.is_slide, self.geoms, self.links, reach)
+            _measure(*addresses, *views, *constants, q[part], distances[part], gradients[part])
+            self._idle.append(data)
 
         in_blocks(measure, len(q), None)
         return distances
+
+    def _take_data(self) -> mujoco.MjData:
+        """A work space for one thread; making one costs as much as hundreds of configurations."""
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return mujoco.MjData(self.model)
 
 
 def robot_clearance(robot: Robot, required: float) -> RobotClearance | None:
@@ -100,6 +113,7 @@ def robot_clearance(robot: Robot, required: float) -> RobotClearance | None:
     geoms = np.array(ordered, dtype=np.int64)
     return RobotClearance(
         model=model,
+        is_slide=robot.chain.is_slide,
         required=float(required),
         pairs=tuple(f"{_geom_name(model, a)} and {_geom_name(model, b)}" for a, b in ordered),
         geoms=geoms,
@@ -119,8 +133,7 @@ def _carriers(model: mujoco.MjModel) -> Indices:
 
 def _collide(model: mujoco.MjModel, a: int, b: int) -> bool:
     """Whether MuJoCo's filter lets two geoms collide (and can: two planes cannot)."""
-    types_ = {int(model.geom_type[a]), int(model.geom_type[b])}
-    if types_ <= {int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)}:
+    if {int(model.geom_type[a]), int(model.geom_type[b])} <= WITHOUT_VOLUME:
         return False
     contype, conaffinity = model.geom_contype, model.geom_conaffinity
     return bool(contype[a] & conaffinity[b] or contype[b] & conaffinity[a])
@@ -133,19 +146,7 @@ def _geom_name(model: mujoco.MjModel, geom: int) -> str:
 
 @kernel
 def _measure(  # type: ignore[no-untyped-def]
-    model,
-    data,
-    qpos,
-    centres,
-    anchors,
-    axes,
-    radii,
-    geoms,
-    links,
-    reach,
-    q,
-    distances,
-    gradients,
+    model, data, qpos, centres, anchors, axes, radii, is_slide, geoms, links, reach, q, distances, gradients
 ) -> Any:
     witness = np.zeros(6)
     wanted = gradients.shape[0] > 0
@@ -155,14 +156,14 @@ def _measure(  # type: ignore[no-untyped-def]
         _kinematics(model, data)
         for p in range(geoms.shape[0]):
             a, b = geoms[p, 0], geoms[p, 1]
-            distance = reach
-            # A bounding radius of 0 means an unbounded geom, such as a plane.
             dx, dy, dz = (
                 centres[b, 0] - centres[a, 0],
                 centres[b, 1] - centres[a, 1],
                 centres[b, 2] - centres[a, 2],
             )
             span = reach + radii[a] + radii[b]
+            distance = reach
+            # A bounding radius of 0 means an unbounded geom, such as a plane.
             if radii[a] == 0.0 or radii[b] == 0.0 or dx * dx + dy * dy + dz * dz < span * span:
                 distance = _geom_distance(model, data, np.int32(a), np.int32(b), reach, witness.ctypes)
             distances[t, p] = distance
@@ -170,15 +171,19 @@ def _measure(  # type: ignore[no-untyped-def]
                 continue
             for j in range(q.shape[1]):
                 gradients[t, p, j] = 0.0
-            # Touching exactly, the direction is undefined.
+            # Where two geoms just touch, the direction between the witness points is undefined.
             if distance >= reach or distance == 0.0:
                 continue
-            nx = (witness[3] - witness[0]) / distance
-            ny = (witness[4] - witness[1]) / distance
-            nz = (witness[5] - witness[2]) / distance
             for side in range(2):
-                sign = 2.0 * side - 1.0
+                factor = (2.0 * side - 1.0) / distance
+                nx = factor * (witness[3] - witness[0])
+                ny = factor * (witness[4] - witness[1])
+                nz = factor * (witness[5] - witness[2])
                 for j in range(links[p, side] + 1):
-                    gradients[t, p, j] += sign * _speed(
-                        slides[j], anchors, axes, j, witness, 3 * side, nx, ny, nz
-                    )
+                    vx, vy, vz = axes[j, 0], axes[j, 1], axes[j, 2]
+                    if not is_slide[j]:
+                        rx = witness[3 * side] - anchors[j, 0]
+                        ry = witness[3 * side + 1] - anchors[j, 1]
+                        rz = witness[3 * side + 2] - anchors[j, 2]
+                        vx, vy, vz = cross(vx, vy, vz, rx, ry, rz)
+                    gradients[t, p, j] += nx * vx + ny * vy + nz * vz

@@ -23,7 +23,7 @@ def write_estimate(result: IdentificationResult, path: str | Path) -> None:
 def estimate_document(result: IdentificationResult) -> dict[str, Any]:
     """What estimate.json holds, as plain JSON types.
 
-    torque_rms and relative_residual are per joint, over all runs of a kind, null where there are none;
+    torque_rms and relative_residual are per joint, over all runs of a kind, empty where there are none;
     percent_sigma in %; runs give each run's own torque RMS.
     """
     estimate, comparison = result.estimate, result.comparison
@@ -73,8 +73,8 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
     }
 
 
-def _per_joint(error: TorqueError | None, field: str) -> list[float | None] | None:
-    return None if error is None else _numbers(getattr(error, field))
+def _per_joint(error: TorqueError | None, field: str) -> list[float | None]:
+    return [] if error is None else _numbers(getattr(error, field))
 
 
 def _numbers(values: NDArray[np.float64]) -> list[float | None]:

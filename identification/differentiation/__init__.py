@@ -27,5 +27,7 @@ def differentiate(motion: Motion, method: str, cutoff: float) -> Signals:
     """
     methods = differentiation_methods()
     if method not in methods:
-        raise InputError("differentiation", "method", "a differentiation method", repr(method), sorted(methods))
+        raise InputError(
+            "differentiation", "method", "a differentiation method", repr(method), sorted(methods)
+        )
     return methods[method](motion, cutoff)

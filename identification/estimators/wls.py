@@ -13,9 +13,6 @@ from ..problem import Problem
 def estimate(problem: Problem) -> Estimate:
     """beta = (W'S^-1 W)^-1 W'S^-1 tau, S the diagonal of residual variances of an ordinary fit."""
     _ = problem.condition_number
-    ordinary = problem.weighted_least_squares(np.ones(problem.chain.joints))
-    std, inflation = problem.residual_std(ordinary)
-    # Noise-free data would divide by zero; deviations below rounding say nothing about weights.
-    std = np.maximum(std * np.sqrt(inflation), 1e-9 * np.max(std, initial=0.0) + np.finfo(float).tiny)
-    weights = 1 / std
+    ordinary = problem.weighted_least_squares(np.ones(problem.equations))
+    weights = problem.residual_weights(ordinary)
     return problem.linear_estimate(problem.weighted_least_squares(weights), weights, "wls")

@@ -17,11 +17,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from ..errors import InputError
 from ..kinematics import kernel
 
 Array = NDArray[np.float64]
+
+BLOCK_PRODUCT = 1 << 17
+RIDGE = 1e-13
+SWEEPS, EIGEN_TOLERANCE = 30, 1e-28
 
 Criterion = Callable[[Array, int], tuple[float, Array]]
 
@@ -45,7 +50,7 @@ class CriterionValues:
 
 def hadamard(weighted: Array, samples: int) -> tuple[float, Array]:
     """-sum_j log(|w_j|² / N) and its gradient (M, b)."""
-    norms = _squared_norms(weighted)
+    norms = np.einsum("ij,ij->j", weighted, weighted)
     _require_excited(norms)
     return -float(np.sum(np.log(norms / samples))), weighted * (-2.0 / norms)
 
@@ -55,8 +60,9 @@ def condition(weighted: Array, samples: int) -> tuple[float, Array]:
 
     With C v = l v of the scaled Gram matrix C, dl/dw_j = 2 v_j / |w_j| (W~ v - l v_j w~_j).
     """
-    values, vectors, scale = _scaled_eigenvalues(weighted)
-    factors = np.zeros((weighted.shape[1], weighted.shape[1]))
+    gram, scale = _scaled_gram(weighted)
+    values, vectors = _eigen(gram)
+    factors = np.zeros(gram.shape)
     for index, sign in ((-1, 1.0), (0, -1.0)):
         v = vectors[:, index]
         factors += sign * (np.outer(v, v) / values[index] - np.diag(v * v))
@@ -65,10 +71,11 @@ def condition(weighted: Array, samples: int) -> tuple[float, Array]:
 
 def logdet(weighted: Array, samples: int) -> tuple[float, Array]:
     """-log det(W'W / N) and its gradient -2 W (W'W)^-1, (M, b)."""
-    values, vectors, scale = _scaled_eigenvalues(weighted)
-    inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
-    value = -float(np.sum(np.log(values)) + np.sum(np.log(scale**2 / samples)))
-    return value, _times(weighted, -2.0 * inverse)
+    gram, scale = _scaled_gram(weighted)
+    lower = np.linalg.cholesky(gram)
+    inverse_lower = solve_triangular(lower, np.eye(len(scale)), lower=True) / scale
+    value = -2.0 * float(np.sum(np.log(np.diag(lower) * scale)) - 0.5 * len(scale) * np.log(samples))
+    return value, _times(weighted, -2.0 * inverse_lower.T @ inverse_lower)
 
 
 CRITERIA: dict[str, Criterion] = {"hadamard": hadamard, "condition": condition, "logdet": logdet}
@@ -90,58 +97,86 @@ def criterion_values(weighted: Array, samples: int) -> CriterionValues:
     )
 
 
-def _scaled_eigenvalues(weighted: Array) -> tuple[Array, Array, Array]:
-    """Eigenvalues (ascending) and vectors of the Gram matrix of W with unit columns, and the norms."""
+def _scaled_gram(weighted: Array) -> tuple[Array, Array]:
+    """Gram matrix (b, b) of W with unit columns, and the norms (b,) of the columns."""
     gram = _gram(weighted)
-    _require_excited(np.diag(gram))
-    scale = np.sqrt(np.diag(gram))
-    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-    # A collinear pair gives an eigenvalue at rounding level, which may be negative.
-    return np.maximum(values, np.finfo(float).eps), vectors, scale
+    norms = np.diag(gram).copy()
+    _require_excited(norms)
+    scale = np.sqrt(norms)
+    # At rounding level, so that collinear columns give a huge value instead of a failure.
+    return gram / np.outer(scale, scale) + RIDGE * np.eye(len(scale)), scale
 
 
 def _require_excited(norms: Array) -> None:
     if not np.all(norms > 0):
         count = int(np.sum(~(norms > 0)))
-        raise InputError("excitation", "motion", "a motion that moves every base parameter", f"{count} unexcited")
+        raise InputError(
+            "excitation", "motion", "a motion that moves every base parameter", f"{count} unexcited"
+        )
 
 
-# Written out rather than left to BLAS, whose summation order may change with the number of threads.
+# Not LAPACK's: for matrices of this size it starts threads, which cost more than they save.
 @kernel
-def _squared_norms(matrix):  # type: ignore[no-untyped-def]
-    """Sum of squares of every column."""
-    out = np.zeros(matrix.shape[1])
-    for row in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            out[j] += matrix[row, j] * matrix[row, j]
+def _eigen(matrix):  # type: ignore[no-untyped-def]
+    """Eigenvalues (b,) ascending and vectors (b, b) in columns, by cyclic Jacobi rotations.
+
+    Golub & Van Loan, "Matrix Computations", 2013, section 8.5.
+    """
+    size = matrix.shape[0]
+    rest = matrix.copy()
+    vectors = np.eye(size)
+    for _ in range(SWEEPS):
+        largest = 0.0
+        for i in range(size):
+            for j in range(i + 1, size):
+                off = rest[i, j]
+                if off * off <= EIGEN_TOLERANCE * abs(rest[i, i] * rest[j, j]):
+                    continue
+                largest = max(largest, abs(off))
+                ratio = (rest[j, j] - rest[i, i]) / (2.0 * off)
+                tangent = (1.0 if ratio >= 0.0 else -1.0) / (abs(ratio) + np.sqrt(1.0 + ratio * ratio))
+                cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
+                sine = tangent * cosine
+                _rotate(rest.T, i, j, cosine, sine)
+                _rotate(rest, i, j, cosine, sine)
+                _rotate(vectors, i, j, cosine, sine)
+        if largest == 0.0:
+            break
+    values = np.empty(size)
+    for i in range(size):
+        values[i] = rest[i, i]
+    order = np.argsort(values)
+    return values[order], vectors[order].T
+
+
+@kernel
+def _rotate(rows, i, j, cosine, sine):  # type: ignore[no-untyped-def]
+    """Turn rows i and j of a matrix into each other."""
+    for k in range(rows.shape[1]):
+        first, second = rows[i, k], rows[j, k]
+        rows[i, k] = cosine * first - sine * second
+        rows[j, k] = sine * first + cosine * second
+
+
+def _blocks(matrix: Array) -> Array:
+    """matrix (M, b) as (blocks, rows, b), the last block filled with zeros.
+
+    A block's products are too small for BLAS to share among threads, which could change the order
+    of its sums; so the result does not depend on the number of threads.
+    """
+    rows = max(8, BLOCK_PRODUCT // matrix.shape[1] ** 2)
+    count = -(-len(matrix) // rows)
+    out = np.zeros((count, rows, matrix.shape[1]))
+    out.reshape(count * rows, -1)[: len(matrix)] = matrix
     return out
 
 
-@kernel
-def _gram(matrix):  # type: ignore[no-untyped-def]
+def _gram(matrix: Array) -> Array:
     """matrix' matrix, (b, b)."""
-    count = matrix.shape[1]
-    out = np.zeros((count, count))
-    for row in range(matrix.shape[0]):
-        for i in range(count):
-            factor = matrix[row, i]
-            if factor != 0.0:
-                for j in range(i, count):
-                    out[i, j] += factor * matrix[row, j]
-    for i in range(count):
-        for j in range(i):
-            out[i, j] = out[j, i]
-    return out
+    blocks = _blocks(matrix)
+    return np.sum(blocks.transpose(0, 2, 1) @ blocks, axis=0)
 
 
-@kernel
-def _times(matrix, factors):  # type: ignore[no-untyped-def]
-    """matrix @ factors, (M, b)."""
-    out = np.zeros(matrix.shape)
-    for row in range(matrix.shape[0]):
-        for i in range(matrix.shape[1]):
-            factor = matrix[row, i]
-            if factor != 0.0:
-                for j in range(matrix.shape[1]):
-                    out[row, j] += factor * factors[i, j]
-    return out
+def _times(matrix: Array, factors: Array) -> Array:
+    """matrix (M, b) @ factors (b, b), (M, b)."""
+    return (_blocks(matrix) @ factors).reshape(-1, matrix.shape[1])[: len(matrix)]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .fields import numbers, positive, rows
 
 Array = NDArray[np.float64]
 
@@ -82,21 +83,16 @@ class FourierSeries:
         if not isinstance(data, dict) or data.get("type") != "fourier":
             got = data.get("type") if isinstance(data, dict) else data
             raise InputError("trajectory", "type", "a known trajectory type", repr(got), ("fourier",))
-        frequency = _numbers(data, "base_frequency", 0)
-        centre, a, b = _numbers(data, "centre", 1), _numbers(data, "a", 2), _numbers(data, "b", 2)
-        if not frequency > 0:
-            raise InputError("trajectory", "base_frequency", "a positive number of Hz", frequency)
-        for name, values in (("a", a), ("b", b)):
-            if values.shape != (len(centre), a.shape[1]) or values.size == 0:
-                expected = f"shape ({len(centre)}, harmonics), the same for a and b"
-                raise InputError("trajectory", name, expected, values.shape)
+        frequency, centre = positive(data, "base_frequency", "Hz"), numbers(data, "centre", 1)
+        a = rows(data, "a", (len(centre), numbers(data, "a", 2).shape[1]))
+        b = rows(data, "b", a.shape)
         order = np.arange(1, a.shape[1] + 1)
         size = max(float(np.abs(a).max()), float((order * np.abs(b)).max()))
         for name, rest in (("a", a.sum(axis=1)), ("b", b @ order)):
             if np.abs(rest).max() > REST_TOLERANCE * size:
                 expected = "a start at rest: sum a_k = 0 and sum k b_k = 0 for every joint"
                 raise InputError("trajectory", name, expected, f"sums {rest.tolist()}")
-        return FourierSeries(float(frequency), centre, a, b)
+        return FourierSeries(frequency, centre, a, b)
 
 
 @dataclass(frozen=True)
@@ -112,9 +108,21 @@ class FourierBasis:
 
     def __post_init__(self) -> None:
         if self.harmonics < 2:
-            raise InputError("excitation", "harmonics", "at least 2, to start and end at rest", self.harmonics)
+            raise InputError(
+                "excitation", "harmonics", "at least 2, to start and end at rest", self.harmonics
+            )
         if not 0 < self.base_frequency < np.inf:
             raise InputError("excitation", "base_frequency", "a positive number of Hz", self.base_frequency)
+
+    @property
+    def duration(self) -> float:
+        """The period, s."""
+        return 1.0 / self.base_frequency
+
+    @property
+    def highest_frequency(self) -> float:
+        """Frequency of the last harmonic, Hz."""
+        return self.base_frequency * self.harmonics
 
     @property
     def size(self) -> int:
@@ -143,6 +151,10 @@ class FourierBasis:
         a, b = full[:, : self.harmonics], full[:, self.harmonics :]
         return FourierSeries(self.base_frequency, coefficients[0].copy(), a.copy(), b.copy())
 
+    def free_coefficients(self, series: FourierSeries) -> Array:
+        """(size, n), the inverse of ``trajectory``."""
+        return np.vstack([series.centre, self.null_space.T @ np.hstack([series.a, series.b]).T])
+
 
 def _harmonics(base_frequency: float, harmonics: int, time: Array) -> tuple[Array, Array, Array]:
     """Each (N, 2 harmonics): the factors of (a, b) in q - q0, dq and ddq at the times (N,)."""
@@ -154,17 +166,3 @@ def _harmonics(base_frequency: float, harmonics: int, time: Array) -> tuple[Arra
         np.hstack([cosine, sine]),
         np.hstack([-sine * omega, cosine * omega]),
     )
-
-
-def _numbers(data: dict[str, Any], key: str, dimensions: int) -> Array:
-    """data[key] as a finite float array of that many dimensions. Raises InputError."""
-    expected = ("a number", "a list of numbers", "a list of rows of numbers")[dimensions]
-    if key not in data:
-        raise InputError("trajectory", key, expected, "nothing")
-    try:
-        values = np.array(data[key], dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError("trajectory", key, expected, repr(data[key])[:60]) from None
-    if values.ndim != dimensions or not np.all(np.isfinite(values)):
-        raise InputError("trajectory", key, f"{expected}, all finite", repr(data[key])[:60])
-    return values

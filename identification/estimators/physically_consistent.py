@@ -1,0 +1,28 @@
+"""Weighted least squares over parameters that a real arm could have, by semidefinite programming.
+
+Every link's pseudo-inertia is positive definite, armature and friction are not negative: see
+physical_consistency.py. It is the one estimator that also finds a full standard vector.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..estimate import Estimate
+from ..physical_consistency import nearest_consistent
+from ..problem import Problem
+from . import wls
+
+
+def estimate(problem: Problem) -> Estimate:
+    """The consistent parameters of least weighted squares; ``standard`` holds all 14 n of them.
+
+    The covariance is that of the unconstrained estimate, which the constraints can only narrow.
+    """
+    free = wls.estimate(problem)
+    weights = problem.residual_weights(free.values)
+    rows, _, joint = problem.stacked
+    root_information = np.linalg.qr(rows * weights[joint][:, None], mode="r")
+    standard = nearest_consistent(problem.base, free.values, root_information, problem.nominal)
+    found = problem.linear_estimate(problem.base.values(standard), weights, "physically_consistent")
+    return replace(found, standard=standard)

@@ -1,0 +1,138 @@
+"""Feasible motions drawn at random: starting points of a design, and runs for validation."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chain import Chain
+from ..errors import InputError
+from ..inverse_dynamics import inverse_dynamics
+from .limits import Clearance, Limits, holding_torque, limit_margins
+from .problem import sampling_times
+from .trajectory import Trajectory, TrajectoryBasis
+
+Array = NDArray[np.float64]
+
+CONFIGURATIONS = 1024
+# Centres are drawn from this share of every joint's range, to leave room for the motion.
+CENTRE_SHARE = 0.5
+SHRINK, GROW, GROW_ROUNDS = 0.85, 1.2, 8
+# A motion that must be shrunk below this share to keep the limits is given up, after so many draws.
+SMALLEST_FACTOR, DRAWS = 0.02, 20
+REPAIR_STEP = 0.99
+# Kept free on the coarse grid, for what happens between its instants.
+RESERVE = 0.97
+
+
+@dataclass(frozen=True)
+class FeasibleMotions:
+    """Draws random motions of a chain that keep its limits.
+
+    limits: those to keep. centres: (K, n) configurations in which the arm can rest.
+    """
+
+    chain: Chain
+    parameters: Array
+    limits: Limits
+    basis: TrajectoryBasis[Any]
+    clearance: Clearance | None
+    centres: Array
+
+    def draw(self, rng: np.random.Generator) -> Array:
+        """Free coefficients (size, n) of one motion, as large as the limits let all joints be together.
+
+        Raises InputError where the limits leave no room to move.
+        """
+        for _ in range(DRAWS):
+            centre = self.centres[rng.integers(len(self.centres))]
+            coefficients = np.vstack([centre, rng.normal(size=(self.basis.size - 1, self.chain.joints))])
+            coefficients[1:] *= self._largest_alone(coefficients)
+            factor = 1.0
+            while factor > SMALLEST_FACTOR:
+                if self._keeps(_scaled(coefficients, factor)):
+                    return _scaled(coefficients, factor)
+                factor *= SHRINK
+        expected = "room to move about a configuration of rest"
+        raise InputError("limits", "torque limits and clearance", expected, f"none in {DRAWS} random motions")
+
+    def enlarged(self, coefficients: Array) -> Array:
+        """The motion with every joint's amplitude enlarged in turn as far as the limits allow."""
+        room = self._largest_alone(coefficients)
+        factors = np.ones(self.chain.joints)
+        for _ in range(GROW_ROUNDS):
+            for joint in range(self.chain.joints):
+                trial = factors.copy()
+                trial[joint] = min(GROW * trial[joint], room[joint])
+                if trial[joint] > factors[joint] and self._keeps(_scaled(coefficients, trial)):
+                    factors = trial
+        return _scaled(coefficients, factors)
+
+    def repaired(self, series: Trajectory) -> Trajectory | None:
+        """The motion shrunk about its centre until every limit is kept on the fine grid.
+
+        None where only next to a standstill would keep them.
+        """
+        factor = 1.0
+        while factor > SMALLEST_FACTOR:
+            trial = series.scaled(factor)
+            if limit_margins(self.chain, self.parameters, self.limits, trial, self.clearance).kept:
+                return trial
+            factor *= REPAIR_STEP
+        return None
+
+    def _largest_alone(self, coefficients: Array) -> Array:
+        """Factors (n,) by which each joint's amplitude may grow before its own motion meets a limit."""
+        q, dq, ddq = (matrix @ coefficients for matrix in self.basis.matrices(sampling_times(self.basis)))
+        centre, tiny = coefficients[0], np.finfo(float).tiny
+        limits = self.limits
+        factors = [
+            (limits.upper - centre) / np.maximum((q - centre).max(axis=0), tiny),
+            (centre - limits.lower) / np.maximum((centre - q).max(axis=0), tiny),
+            limits.velocity / np.maximum(np.abs(dq).max(axis=0), tiny),
+            limits.acceleration / np.maximum(np.abs(ddq).max(axis=0), tiny),
+        ]
+        return RESERVE * np.min(factors, axis=0)
+
+    def _keeps(self, coefficients: Array) -> bool:
+        """Whether torque and clearance are kept on a coarse grid."""
+        q, dq, ddq = (matrix @ coefficients for matrix in self.basis.matrices(sampling_times(self.basis)))
+        tau = inverse_dynamics(self.chain, self.parameters, q, dq, ddq)
+        if np.any(np.abs(tau) > RESERVE * self.limits.torque):
+            return False
+        return self.clearance is None or bool(self.clearance.distances(q).min() >= self.clearance.required)
+
+
+def resting_centres(
+    chain: Chain, parameters: Array, limits: Limits, clearance: Clearance | None, seed: int
+) -> Array:
+    """Configurations (K, n) in which the arm can rest: the middle of its range if it can there, else random.
+
+    Raises InputError that names the limit which forbids rest, and what would satisfy it.
+    """
+    rng = np.random.default_rng(seed)
+    middle, half = (limits.lower + limits.upper) / 2, (limits.upper - limits.lower) / 2
+    q = middle + CENTRE_SHARE * half * rng.uniform(-1, 1, (CONFIGURATIONS, chain.joints))
+    torque = holding_torque(chain, parameters, q)
+    names = [f"torque limit of {name}" for name in chain.joint_names]
+    shortage = torque - limits.torque
+    if clearance is not None:
+        names += [f"clearance of {pair}" for pair in clearance.pairs]
+        shortage = np.hstack([shortage, clearance.required - clearance.distances(q)])
+    possible = np.all(shortage <= 0, axis=1)
+    if possible.any():
+        return q[possible]
+    worst = int(np.argmax((shortage > 0).mean(axis=0)))
+    if worst < chain.joints:
+        expected = f"at least {torque[:, worst].min():.4g} to hold the arm still"
+        raise InputError("limits", names[worst], expected, f"{limits.torque[worst]:.4g}")
+    required = -float(shortage[:, worst].min())
+    if clearance is not None:
+        required += clearance.required
+    expected = f"at most {required:.4g} m, the largest distance in {CONFIGURATIONS} configurations"
+    raise InputError("limits", names[worst], expected, "a larger required distance")
+
+
+def _scaled(coefficients: Array, factor: float | Array) -> Array:
+    return np.vstack([coefficients[:1], factor * coefficients[1:]])

@@ -1,0 +1,51 @@
+"""The inverse dynamic identification model: tau = Y(q, dq, ddq) beta, n equations a sample.
+
+Torque and every regressor column pass the same zero-phase low-pass before both are decimated
+(parallel filtering, Gautier 1997), so the equation stays exact in the band that is kept. Near
+rest the sign of the velocity, and with it Coulomb friction, is unknown: a joint's rows inside its
+dead zone are marked unused, and so are those within the filter's reach of such a moment.
+"""
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from ..base_parameters import BaseParameters
+from ..chain import Chain
+from ..filtering import decimation_step, edge_samples, zero_phase_lowpass
+from ..observations import Observations, Preprocessing
+from ..parameters import PER_JOINT, VISCOUS
+from ..regressor import regressor
+from ..signals import Signals
+
+
+def equations(
+    chain: Chain, base: BaseParameters, signals: Signals, preprocessing: Preprocessing, name: str
+) -> Observations:
+    """The torque equations of one run, n a decimated sample, N·m (N for slide joints)."""
+    rate, cutoff = signals.sample_rate, preprocessing.cutoff
+    samples = len(signals.q)
+    trim = max(signals.trim, edge_samples(rate, cutoff))
+    step = decimation_step(rate, cutoff)
+    kept = slice(trim, samples - trim, step)
+    rows = regressor(chain, signals.q, signals.dq, signals.ddq, base.columns)
+    kept_rows = np.zeros((len(range(*kept.indices(samples))), chain.joints, base.count))
+    link = base.columns // PER_JOINT
+    for joint in range(chain.joints):
+        # Links before the joint never load it: their columns are zero.
+        loaded = link >= joint
+        kept_rows[:, joint, loaded] = zero_phase_lowpass(rows[:, joint, loaded], rate, cutoff)[kept]
+    # A wrong sign near rest is smeared by the filter over about half a cut-off period to either side.
+    reach = 2 * round(0.5 * rate / cutoff) + 1
+    resting = maximum_filter1d(np.abs(signals.dq) <= preprocessing.dead_zone, reach, axis=0)
+    friction = set(base.columns[base.columns % PER_JOINT > VISCOUS] // PER_JOINT)
+    has_coulomb = np.array([joint in friction for joint in range(chain.joints)])
+    return Observations(
+        name=name,
+        time=np.arange(samples)[kept] / rate,
+        q=signals.q[kept],
+        dq=signals.dq[kept],
+        regressor=kept_rows,
+        torque=zero_phase_lowpass(signals.tau, rate, cutoff)[kept],
+        used=~resting[kept] | ~has_coulomb,
+        sample_rate=rate / step,
+    )

@@ -1,0 +1,114 @@
+"""The torque-level tracker: feedforward of the nominal model, and PD on the encoder.
+
+    command = tau_ff + kp (q_ref - q) + kd (dq_ref - dq),   clipped to the nominal torque limits,
+
+at ``rate``, held in between. q is the encoder's reading; dq is the backward difference of readings
+through a first-order low-pass, dq_k = p dq_{k-1} + (1 - p) (q_k - q_{k-1}) rate, p = exp(-2 pi f_c / rate).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification.chain import Chain
+from identification.errors import InputError
+from identification.kinematics import kernel
+from identification.parameters import ARMATURE, PER_JOINT
+from identification.regressor import regressor
+
+from .reference import Reference
+from .sensors import per_joint
+
+Array = NDArray[np.float64]
+
+KINDS = ("pd_with_model_feedforward", "pd")
+BLOCK = 512
+
+
+@dataclass(frozen=True)
+class ControllerOptions:
+    """The tracker. Raises InputError for an unknown kind or a value out of range.
+
+    kind: pd_with_model_feedforward or pd. rate: Hz. kp, kd: N·m/rad and N·m·s/rad (N/m, N·s/m), a
+    scalar or one a joint; None: from the model by ``bandwidth`` (Hz) and ``damping_ratio``.
+    velocity_cutoff: Hz, of the low-pass on the measured velocity. coulomb_smoothing: rad/s (m/s),
+    width of tanh in the feedforward's Coulomb friction.
+    """
+
+    kind: str = KINDS[0]
+    rate: float = 1000.0
+    kp: ArrayLike | None = None
+    kd: ArrayLike | None = None
+    bandwidth: float = 6.0
+    damping_ratio: float = 1.0
+    velocity_cutoff: float = 80.0
+    coulomb_smoothing: float = 0.05
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError("simulation", "controller kind", "a controller", repr(self.kind), KINDS)
+        for field in ("rate", "bandwidth", "damping_ratio", "velocity_cutoff", "coulomb_smoothing"):
+            value = getattr(self, field)
+            if not (np.isfinite(value) and value > 0):
+                raise InputError("simulation", f"controller {field}", "a positive number", value)
+
+
+def gains(
+    options: ControllerOptions, chain: Chain, parameters: Array, lower: Array, upper: Array
+) -> tuple[Array, Array]:
+    """kp and kd, each (n,): those given, else kp = w² M_jj and kd = 2 zeta w M_jj, w = 2 pi bandwidth.
+
+    M_jj is the joint's own inertia with the arm in the middle of its range (at 0 where a joint has none).
+    """
+    middle = np.zeros(chain.joints)
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    middle[bounded] = (lower[bounded] + upper[bounded]) / 2
+    inertia = diagonal_inertia(chain, parameters, middle)
+    w = 2 * np.pi * options.bandwidth
+    kp = w**2 * inertia if options.kp is None else per_joint(options.kp, chain.joints, "kp", 0)
+    kd = (
+        2 * options.damping_ratio * w * inertia
+        if options.kd is None
+        else per_joint(options.kd, chain.joints, "kd", 0)
+    )
+    return kp, kd
+
+
+def diagonal_inertia(chain: Chain, parameters: Array, pose: Array) -> Array:
+    """Diagonal (n,) of the mass matrix at a pose (n,), kg·m² (kg)."""
+    n = chain.joints
+    columns = (PER_JOINT * np.arange(n)[:, None] + np.arange(ARMATURE + 1)).ravel()
+    still = np.zeros((n, n))
+    inertial = [
+        regressor(chain, np.tile(pose, (n, 1)), still, ddq, columns, threads=1) for ddq in (np.eye(n), still)
+    ]
+    return np.einsum("jjc,c->j", inertial[0] - inertial[1], parameters[columns])
+
+
+def feedforward(chain: Chain, parameters: Array, reference: Reference, coulomb_smoothing: float) -> Array:
+    """Inverse dynamics of a model along a reference, (N, n) N·m; sgn is tanh(dq / coulomb_smoothing)."""
+    out = np.empty_like(reference.position)
+    for start in range(0, reference.samples, BLOCK):
+        part = slice(start, start + BLOCK)
+        q, dq, ddq = reference.position[part], reference.velocity[part], reference.acceleration[part]
+        rows = regressor(chain, q, dq, ddq, coulomb_velocity=coulomb_smoothing, threads=1)
+        # einsum, not a BLAS product: its sums do not depend on the number of threads.
+        out[part] = np.einsum("tjc,c->tj", rows, parameters)
+    return out
+
+
+@kernel
+def pd_command(feedforward, kp, kd, position_error, velocity_error, torque_limit):  # type: ignore[no-untyped-def]
+    """One joint's command, clipped to ± torque_limit."""
+    command = feedforward + kp * position_error + kd * velocity_error
+    if command > torque_limit:
+        return torque_limit
+    if command < -torque_limit:
+        return -torque_limit
+    return command
+
+
+def velocity_pole(options: ControllerOptions) -> float:
+    """Pole of the low-pass on the measured velocity."""
+    return float(np.exp(-2 * np.pi * options.velocity_cutoff / options.rate))

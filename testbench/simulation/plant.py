@@ -1,0 +1,74 @@
+"""The physics of the simulated robot: MuJoCo's smooth dynamics with the friction taken out."""
+
+import copy
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import InputError
+
+Array = NDArray[np.float64]
+
+_OFF = mujoco.mjtDisableBit
+# Clearance and limits are certified when a motion is designed.
+DISABLED = (
+    _OFF.mjDSBL_CONSTRAINT
+    | _OFF.mjDSBL_CONTACT
+    | _OFF.mjDSBL_SENSOR
+    | _OFF.mjDSBL_EULERDAMP
+    | _OFF.mjDSBL_AUTORESET
+)
+ITERATIONS = 200
+
+
+def plant_model(model: Any, timestep: float) -> Any:
+    """A copy of a compiled model that steps with semi-implicit Euler and without friction.
+
+    Linear damping and frictionloss are zero in it: the callback applies them exactly. Springs,
+    gravity compensation and fluid forces stay.
+    """
+    plant = copy.copy(model)
+    plant.dof_damping[:] = 0.0
+    plant.dof_frictionloss[:] = 0.0
+    plant.opt.timestep = timestep
+    plant.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    plant.opt.disableflags = int(model.opt.disableflags | DISABLED)
+    plant.opt.enableflags = 0
+    # mjcb_control is not called with actuation disabled, so the actuators are, as one group.
+    plant.actuator_group[:] = 0
+    plant.opt.disableactuator = 1
+    return plant
+
+
+def resting_pose(
+    plant: Any, reference: Array, feedforward: Array, kp: Array, torque_limit: Array
+) -> tuple[Array, Array]:
+    """Pose near ``reference`` at which the controller just balances gravity, and that torque; each (n,).
+
+    Solves kp (reference - q) + feedforward = g(q) by fixed-point iteration, a contraction where kp
+    exceeds the stiffness of gravity. Raises InputError when gains or torque limits cannot hold the arm.
+    """
+    pose = reference.copy()
+    data = mujoco.MjData(plant)
+    for _ in range(ITERATIONS):
+        data.qpos[:] = pose
+        mujoco.mj_fwdPosition(plant, data)
+        mujoco.mj_fwdVelocity(plant, data)
+        torque = data.qfrc_bias - data.qfrc_passive
+        if (np.abs(torque) > torque_limit).any():
+            joint = int(np.argmax(np.abs(torque) - torque_limit))
+            got = f"{abs(torque[joint]):.4g} to hold joint {joint + 1} at the start"
+            raise InputError("simulation", "torque limit", f"at most {torque_limit[joint]:g} N·m", got)
+        error = torque - feedforward
+        sag = np.divide(error, kp, out=np.where(error == 0.0, 0.0, np.inf), where=kp > 0)
+        change = np.abs(reference - sag - pose).max()
+        if not np.isfinite(change):
+            break
+        pose = reference - sag
+        if change <= 1e-14 * (1 + np.abs(pose).max()):
+            return pose, torque
+    raise InputError(
+        "simulation", "controller kp", "gains that hold the arm at the start", kp.round(3).tolist()
+    )

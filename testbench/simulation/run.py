@@ -1,0 +1,222 @@
+"""From references to recordings: set up the loops, run them as one batch, and let the sensors report."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import InputError
+
+from ..log import Controller, Recording
+from ..robot import Robot
+from . import batch
+from .batch import Loop, run_loops
+from .controller import ControllerOptions, feedforward, gains, velocity_pole
+from .plant import plant_model, resting_pose
+from .reference import Reference
+from .sensors import SensorOptions, centred_torque, encoder_quantum, measured_torque, per_joint, white_noise
+
+Array = NDArray[np.float64]
+
+POSITION_CHANNEL, TORQUE_CHANNEL = 0, 1
+
+
+@dataclass(frozen=True)
+class SimulationOptions:
+    """How a run is simulated. Raises InputError unless the physics step divides the control period.
+
+    physics_timestep: s.
+    """
+
+    controller: ControllerOptions = field(default_factory=ControllerOptions)
+    sensors: SensorOptions = field(default_factory=SensorOptions)
+    physics_timestep: float = 1e-4
+
+    def __post_init__(self) -> None:
+        step, period = self.physics_timestep, 1 / self.controller.rate
+        if not (np.isfinite(step) and step > 0) or abs(self.substeps * step - period) > 1e-6 * period:
+            expected = f"a positive step that divides the control period of {period:g} s"
+            raise InputError("simulation", "physics_timestep", expected, step)
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps a control period."""
+        return max(round(1 / (self.controller.rate * self.physics_timestep)), 1)
+
+
+def simulate(
+    robot: Robot | Sequence[Robot],
+    references: Sequence[Reference],
+    options: SimulationOptions | Sequence[SimulationOptions] | None = None,
+    nominal: Robot | None = None,
+    seed: int | Sequence[np.random.SeedSequence] = 0,
+    threads: int | None = None,
+) -> tuple[Recording, ...]:
+    """Recordings of the robot following each reference; they do not depend on ``threads``.
+
+    robot, options: one for all runs, or one a run. references: sampled at the controller's rate.
+    nominal: the model the controller knows (feedforward, gains, torque limits); the robot itself when None.
+    seed: of all noise; an integer gives each run its own stream, spawned in order, or one stream a run.
+    threads: workers (all cores when None).
+
+    Each run starts at rest where the controller just balances gravity: on the reference's first
+    sample when the nominal model is right. The logged torque of sample k is the drive's mean over
+    the control period centred on it, (tau_{k-1} + tau_k) / 2, the torque that goes with the motion
+    at sample k (``torque_command`` is tau_k). ``truth`` has position, velocity, acceleration, torque,
+    friction_torque (N, n) and parameters (14 n,); between them the rigid-body dynamics hold to first
+    order in ``physics_timestep``.
+
+    Raises InputError for options that do not fit the robot, models that cannot share a batch, a
+    controller that cannot hold the arm at the start, and a loop that becomes unstable.
+    """
+    count = len(references)
+    if count == 0:
+        raise InputError("simulation", "references", "at least one", 0)
+    robots = _one_each(robot, Robot, count, "robot")
+    settings = _one_each(options or SimulationOptions(), SimulationOptions, count, "options")
+    streams = np.random.SeedSequence(seed).spawn(count) if isinstance(seed, (int, np.integer)) else list(seed)
+    if len(streams) != count:
+        raise InputError("simulation", "seed", f"one stream a run, {count}", len(streams))
+    runs = [
+        _Run(*each, nominal or each[0]) for each in zip(robots, references, settings, streams, strict=True)
+    ]
+    outputs = run_loops([run.loop for run in runs], threads)
+    return tuple(run.recording(output) for run, output in zip(runs, outputs, strict=True))
+
+
+def _one_each(value: Any, kind: type, count: int, name: str) -> list[Any]:
+    """``count`` values: one repeated, or those of a sequence of that length."""
+    if isinstance(value, kind):
+        return [value] * count
+    if len(value) != count:
+        raise InputError("simulation", name, f"one, or one a reference ({count})", len(value))
+    return list(value)
+
+
+class _Run:
+    """One run: what the loop needs before it, and what the log needs after it."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        reference: Reference,
+        options: SimulationOptions,
+        stream: np.random.SeedSequence,
+        nominal: Robot,
+    ):
+        n = robot.joints
+        for source, joints in (("references", reference.joints), ("nominal model", nominal.joints)):
+            if joints != n:
+                raise InputError("simulation", source, f"{n} joints, as the robot has", joints)
+        self.robot, self.reference, self.options, self.stream = robot, reference, options, stream
+        sensors, controller = options.sensors, options.controller
+        self.deviation = self._torque_deviation()
+        self.kp, self.kd = gains(
+            controller, nominal.chain, nominal.parameters, nominal.limits.lower, nominal.limits.upper
+        )
+        forward, at_rest = np.zeros_like(reference.position), np.zeros(n)
+        if controller.kind == "pd_with_model_feedforward":
+            smoothing = controller.coulomb_smoothing
+            forward = feedforward(nominal.chain, nominal.parameters, reference, smoothing)
+            still = np.zeros((2, n))
+            standing = Reference(reference.position[:2], still, still)
+            at_rest = feedforward(nominal.chain, nominal.parameters, standing, smoothing)[0]
+        noise = per_joint(sensors.position_noise, n, "position_noise", 0) * self._noise(POSITION_CHANNEL)
+        plant = plant_model(robot.model, 1 / (controller.rate * options.substeps))
+        limit = nominal.limits.torque
+        pose, self.hold = resting_pose(plant, reference.position[0], at_rest, self.kp, limit)
+        constants = np.empty((batch.CONSTANTS, n))
+        constants[batch.VISCOUS] = np.asarray(robot.model.dof_damping).reshape(n, -1)[:, 0]
+        constants[batch.COULOMB] = robot.model.dof_frictionloss
+        constants[batch.KP], constants[batch.KD] = self.kp, self.kd
+        constants[batch.TORQUE_LIMIT] = limit
+        constants[batch.ENCODER_QUANTUM] = encoder_quantum(sensors, robot.chain.is_slide)
+        self.loop = Loop(
+            plant=plant,
+            substeps=options.substeps,
+            rate=controller.rate,
+            velocity_pole=velocity_pole(controller),
+            constants=constants,
+            inputs=np.stack([reference.position, reference.velocity, forward, noise], axis=1),
+            pose=pose,
+            hold=self.hold,
+        )
+
+    def _noise(self, channel: int) -> Array:
+        return white_noise(self.stream, channel, self.reference.position.shape)
+
+    def _torque_deviation(self) -> Array:
+        """Standard deviation of the torque noise, (n,) N·m."""
+        n = self.robot.joints
+        share = per_joint(self.options.sensors.torque_noise, n, "torque_noise", 0)
+        limit = self.robot.limits.torque
+        if (np.isinf(limit) & (share > 0)).any():
+            raise InputError(
+                "simulation", "torque_noise", "0 where the model has no torque limit", share.tolist()
+            )
+        return np.where(share > 0, share * limit, 0.0)
+
+    def recording(self, output: Array) -> Recording:
+        """The log of this run, from the loop's output (N, OUTPUTS, n)."""
+        robot, reference, options = self.robot, self.reference, self.options
+        controller, rate = options.controller, options.controller.rate
+        command = output[:, batch.COMMAND].copy()
+        delay = per_joint(options.sensors.torque_delay, robot.joints, "torque_delay")
+        reported = centred_torque(command, self.hold, delay, rate)
+        has_feedforward = controller.kind == "pd_with_model_feedforward"
+        return Recording(
+            robot=robot.name,
+            joint_names=robot.joint_names,
+            sample_rate=rate,
+            source="simulation",
+            time=np.arange(reference.samples) / rate,
+            position=output[:, batch.READING].copy(),
+            torque=measured_torque(
+                reported, self._noise(TORQUE_CHANNEL), rate, self.deviation, options.sensors
+            ),
+            torque_command=command,
+            reference_position=reference.position,
+            reference_velocity=reference.velocity,
+            reference_acceleration=reference.acceleration,
+            controller=Controller(
+                controller.kind,
+                rate,
+                self.kp,
+                self.kd,
+                controller.coulomb_smoothing if has_feedforward else None,
+            ),
+            truth={
+                "position": output[:, batch.POSITION].copy(),
+                "velocity": output[:, batch.VELOCITY].copy(),
+                "acceleration": output[:, batch.ACCELERATION].copy(),
+                "torque": centred_torque(command, self.hold, np.zeros(robot.joints), rate),
+                "friction_torque": output[:, batch.FRICTION].copy(),
+                "parameters": robot.parameters.copy(),
+            },
+            provenance={
+                "model": robot.path.name,
+                "simulation": _plain(asdict(options)),
+                "seed": {"entropy": self.stream.entropy, "spawn_key": list(self.stream.spawn_key)},
+                "versions": {
+                    name: version(name) for name in ("mujoco", "numba", "numpy", "identification-testbench")
+                },
+            },
+            is_slide=tuple(bool(slide) for slide in robot.chain.is_slide),
+        )
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """Versions of what decides the numbers; read once, it opens every package's metadata."""
+    return {name: version(name) for name in ("identification-testbench", "mujoco", "numba", "numpy", "scipy")}
+
+
+def _plain(value: Any) -> Any:
+    """The same value in JSON's types."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return np.asarray(value).tolist() if isinstance(value, (np.ndarray, np.generic, list, tuple)) else value
