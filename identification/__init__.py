@@ -1,1 +1,6 @@
 """Identification of robot dynamics: arrays in, arrays out. No files, no stepping, no printing."""
+
+import os
+
+# Sums of a threaded BLAS depend on the number of threads, and small problems run faster on one.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"

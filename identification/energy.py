@@ -62,7 +62,7 @@ def dissipation_regressor(chain: Chain, dq: Array, columns: NDArray[np.int64]) -
 
 
 def fourth_order(x: Array) -> Array:
-    """x - (second difference of x) / 12 along axis 0: samples whose trapezoidal sums integrate x to 4th order.
+    """x - (second difference of x) / 12 along axis 0: its trapezoidal sums integrate x to 4th order.
 
     The Euler-Maclaurin correction of the trapezoidal rule; the two ends stay as they are.
     """

@@ -19,6 +19,9 @@ from .signals import Motion, Signals
 
 Array = NDArray[np.float64]
 
+# Torque noise is at least this share of the residual variance, however noisy the encoders.
+SMALLEST_TORQUE_SHARE = 0.01
+
 
 def position_noise_std(motion: Motion, preprocessing: Preprocessing) -> Array:
     """Standard deviation of the white part of the measured positions, (n,) rad (m)."""
@@ -72,6 +75,11 @@ def regressor_noise(problem: Problem, weights: Array, seed: int = 0) -> tuple[Ar
     each = sums / np.maximum(counts, 1)[:, None, None]
     share = counts / counts.sum()
     return np.einsum("e,eab->ab", share * weights**2, each), each
+
+
+def torque_variance(residual: Array, from_encoders: Array) -> Array:
+    """The part of residual variances that encoder noise leaves to the torque, same shape."""
+    return np.maximum(residual - from_encoders, SMALLEST_TORQUE_SHARE * residual)
 
 
 def _shaken(motion: Motion, preprocessing: Preprocessing, seed: int) -> Motion:

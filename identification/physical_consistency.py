@@ -29,9 +29,7 @@ NOMINAL_FLOOR = 1e-6
 LARGEST_INFORMATION = 1e5
 
 
-def nearest_consistent(
-    base: BaseParameters, values: Array, root_information: Array, nominal: Array
-) -> Array:
+def nearest_consistent(base: BaseParameters, values: Array, root_information: Array, nominal: Array) -> Array:
     """The consistent standard vector (14 n,) that minimises |R (P theta - values)|² and a faint prior.
 
     values: (b,). root_information: (b, b), R with R'R the inverse of their covariance.
@@ -135,7 +133,7 @@ def _solve(matrix: Array, target: Array, unknowns: _Unknowns) -> Array:
     prior = cp.sum_squares(joint - unknowns.start)
     prior += sum(cp.trace(block) - cp.log_det(block) for block in scaled)
     # The triangular factor of the whole says the same in as many rows as there are unknowns.
-    upper = np.linalg.qr(np.column_stack([matrix, target]), mode="r")
+    upper = np.asarray(np.linalg.qr(np.column_stack([matrix, target]), mode="r"))
     misfit = cp.sum_squares(upper[:, :-1] @ x - upper[:, -1])
     constraints = [block >> MARGIN * np.eye(4) for block in scaled]
     constraints.append(joint[np.flatnonzero(~unknowns.signed)] >= 0)

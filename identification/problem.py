@@ -96,7 +96,7 @@ class Problem:
             both = run.used[:, :, None] & run.used[:, None, :]
             factor = np.linalg.cholesky(np.where(both, covariance, np.eye(self.equations)))
             sides = np.where(run.used[:, :, None], np.dstack([run.regressor, run.torque[:, :, None]]), 0.0)
-            white = np.linalg.solve(factor, sides)
+            white = np.asarray(np.linalg.solve(factor, sides), dtype=np.float64)
             runs.append(replace(run, regressor=white[:, :, :-1], torque=white[:, :, -1]))
         return replace(self, observations=tuple(runs))
 
@@ -107,7 +107,7 @@ class Problem:
         scaled = rows * scale[:, None]
         norms = np.linalg.norm(scaled, axis=0)
         # The factor of [W tau] holds Q'tau in its last column; Q itself is never formed.
-        upper = np.linalg.qr(np.column_stack([scaled / norms, torque * scale]), mode="r")
+        upper = np.asarray(np.linalg.qr(np.column_stack([scaled / norms, torque * scale]), mode="r"))
         return solve_triangular(upper[:-1, :-1], upper[:-1, -1]) / norms
 
     def residual_std(self, values: Array) -> tuple[Array, Array]:

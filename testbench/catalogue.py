@@ -7,9 +7,9 @@ from rich.console import Console
 from identification.differentiation import differentiation_methods
 from identification.estimators import estimators
 from identification.excitation.criteria import CRITERIA
+from identification.excitation.trajectories import TRAJECTORIES
 
 MODELS = ("inverse_dynamic",)
-TRAJECTORIES = ("fourier",)
 
 
 def catalogue() -> dict[str, list[str]]:
@@ -18,7 +18,7 @@ def catalogue() -> dict[str, list[str]]:
         "models": list(MODELS),
         "estimators": sorted(estimators()),
         "differentiation": sorted(differentiation_methods()),
-        "trajectories": list(TRAJECTORIES),
+        "trajectories": sorted(TRAJECTORIES),
         "criteria": sorted(CRITERIA),
         "effects": [],
     }

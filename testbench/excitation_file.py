@@ -8,7 +8,7 @@ from typing import Any
 
 from identification.errors import InputError
 from identification.excitation.excitation import Excitation
-from identification.excitation.fourier import FourierSeries
+from identification.excitation.trajectories import trajectory_from_dict
 from identification.excitation.trajectory import Trajectory
 
 from .files import replacing
@@ -75,7 +75,7 @@ def read_trajectory(path: str | Path) -> tuple[tuple[str, ...], Trajectory]:
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise InputError(path, "joint_names", "a list of joint names", repr(names)[:60])
     try:
-        trajectory = FourierSeries.from_dict(document["trajectory"])
+        trajectory = trajectory_from_dict(document["trajectory"])
     except InputError as error:
         raise error.located(path) from None
     if trajectory.joints != len(names):

@@ -39,6 +39,8 @@ TRUTH_UNITS = {
     "acceleration": ("rad/s^2", "m/s^2"),
     "torque": ("N·m", "N"),
     "friction_torque": ("N·m", "N"),
+    "link_position": ("rad", "m"),
+    "effect_torque": ("N·m", "N"),
 }
 
 
@@ -64,6 +66,7 @@ class Recording:
     velocity, torque_command, temperature: (N, n) or None; rad/s, N·m, degC.
     reference_position, reference_velocity, reference_acceleration: (N, n) or None.
     controller: or None. truth: what only a simulation knows, never read by identification.
+    truth_effects: the unmodelled effects in the simulated robot; JSON-able, part of the truth.
     source: what made the log. provenance: scenario, seed, versions; JSON-able.
     is_slide: n flags, which joints slide; empty: every joint is a hinge.
     """
@@ -83,6 +86,7 @@ class Recording:
     reference_acceleration: Array | None = None
     controller: Controller | None = None
     truth: dict[str, Array] = field(default_factory=dict)
+    truth_effects: list[dict[str, Any]] = field(default_factory=list)
     provenance: dict[str, Any] = field(default_factory=dict)
     is_slide: tuple[bool, ...] = ()
 
@@ -142,6 +146,9 @@ def _write(file: h5py.File, recording: Recording) -> None:
     for name, values in sorted(recording.truth.items()):
         hinge, slide = TRUTH_UNITS.get(name, ("SI", "SI"))
         _put(file, f"truth/{name}", values, _unit(hinge, slide, slides))
+    if recording.truth_effects:
+        effects = json.dumps(recording.truth_effects, sort_keys=True, ensure_ascii=False)
+        file.require_group("truth").attrs["effects"] = effects
 
 
 def _put(group: h5py.Group, name: str, values: Array, unit: str | list[str]) -> None:
@@ -198,8 +205,10 @@ class _Reader:
             if channel in REQUIRED or name in self.file
         }
         truth: dict[str, Array] = {}
+        effects: list[dict[str, Any]] = []
         if with_truth and "truth" in self.file:
             group = self.file["truth"]
+            effects = json.loads(group.attrs.get("effects", "[]"))
             truth = {
                 name: self._numbers(f"truth/{name}")
                 for name in group
@@ -213,6 +222,7 @@ class _Reader:
             time=self._values("time", "s", "s"),
             controller=self._controller() if "controller" in self.file else None,
             truth=truth,
+            truth_effects=effects,
             provenance=self._provenance(),
             is_slide=self.slides if any(self.slides) else (),
             **channels,

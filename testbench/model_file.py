@@ -35,8 +35,7 @@ def write_model(robot: Robot, standard: Array, path: str | Path) -> None:
     root = ElementTree.fromstring(_as_mjcf(robot.path, path.parent))
     joint = -1
     for body in root.iterfind("./worldbody//body"):
-        # Frames are dissolved in the text, so that joints are direct children.
-        own = body.findall("joint")
+        own = _own_joints(body)
         for element in own:
             joint += 1
             element.set("armature", repr(float(table[joint, ARMATURE])))
@@ -71,6 +70,17 @@ def _as_mjcf(source: Path, folder: Path) -> str:
     compiler.boundmass = compiler.boundinertia = 0
     compiler.balanceinertia = 0
     return spec.to_xml()
+
+
+def _own_joints(element: ElementTree.Element) -> list[ElementTree.Element]:
+    """The joints of a body, directly in it or in frames, not those of the bodies it carries."""
+    joints = []
+    for child in element:
+        if child.tag == "joint":
+            joints.append(child)
+        elif child.tag == "frame":
+            joints += _own_joints(child)
+    return joints
 
 
 def _moved(inertial: Array, axes: Array, origin: Array) -> Array:

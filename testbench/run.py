@@ -90,6 +90,7 @@ def _run_plan(scenario: Scenario, robot: Robot, folder: Path, source: str, jobs:
 def _design(scenario: Scenario, robot: Robot, seed: int, jobs: int | None, step: Step) -> Excitation:
     section = scenario.excitation
     options = DesignOptions(
+        trajectory=section.trajectory,
         harmonics=section.harmonics,
         base_frequency=section.base_frequency,
         groups=scenario.identification.parameters,

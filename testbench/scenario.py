@@ -44,7 +44,7 @@ class _Section(BaseModel):
 class ExcitationSection(_Section):
     """The excitation to design. starts: seeded restarts; limit_share: of the model's limits used."""
 
-    trajectory: Literal["fourier"] = "fourier"
+    trajectory: Literal["fourier", "modified_fourier", "harmonic_sines", "quintic"] = "fourier"
     criterion: Literal["hadamard", "condition", "logdet"] = "logdet"
     harmonics: Annotated[int, Field(ge=3, le=50)] = 5
     base_frequency: Hertz = 0.1

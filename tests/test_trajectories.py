@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from identification.errors import InputError
+from identification.excitation.design import DesignOptions, design_excitation, random_excitation
 from identification.excitation.modified_fourier import ModifiedFourierSeries
 from identification.excitation.quintic import QuinticPath
 from identification.excitation.trajectories import TRAJECTORIES, trajectory_basis, trajectory_from_dict
+from testbench.robot import load_robot
 
 FREQUENCY, HARMONICS, JOINTS = 0.2, 5, 3
 
@@ -170,3 +172,15 @@ def test_a_file_that_starts_moving_is_refused(name, field, bad):
     good = basis.trajectory(random_coefficients(basis)).to_dict()
     with pytest.raises(InputError, match=field):
         trajectory_from_dict({**good, field: bad.tolist()})
+
+
+@pytest.mark.parametrize("name", sorted(TRAJECTORIES))
+def test_every_kind_is_designed_within_the_limits(name, models):
+    arm = load_robot(models / "rail_arm.xml")
+    options = DesignOptions(trajectory=name, starts=1, iterations=6, seed=2)
+    begin = random_excitation(arm.chain, arm.parameters, arm.limits, options)
+    found = design_excitation(arm.chain, arm.parameters, arm.limits, "logdet", options, threads=1)
+    assert found.trajectory.to_dict()["type"] == name
+    assert begin.margins.kept
+    assert found.margins.kept
+    assert found.values.logdet < begin.values.logdet

@@ -22,7 +22,7 @@ def estimate(problem: Problem) -> Estimate:
     free = wls.estimate(problem)
     weights = problem.residual_weights(free.values)
     rows, _, joint = problem.stacked
-    root_information = np.linalg.qr(rows * weights[joint][:, None], mode="r")
+    root_information = np.asarray(np.linalg.qr(rows * weights[joint][:, None], mode="r"))
     standard = nearest_consistent(problem.base, free.values, root_information, problem.nominal)
     found = problem.linear_estimate(problem.base.values(standard), weights, "physically_consistent")
     return replace(found, standard=standard)

@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from ..estimate import Estimate
-from ..measurement_noise import regressor_noise
+from ..measurement_noise import regressor_noise, torque_variance
 from ..problem import Problem
 from . import wls
 
 Array = NDArray[np.float64]
-
-# Torque noise is at least this share of the residual variance, however noisy the encoders.
-SMALLEST_TORQUE_SHARE = 0.01
 
 
 def estimate(problem: Problem) -> Estimate:
@@ -28,7 +25,7 @@ def estimate(problem: Problem) -> Estimate:
     rows, torque, joint = problem.stacked
     scale = weights[joint]
     noise = row_noise(problem, first.values, weights)
-    upper = np.linalg.qr(np.column_stack([rows, torque]) * scale[:, None], mode="r")
+    upper = np.asarray(np.linalg.qr(np.column_stack([rows, torque]) * scale[:, None], mode="r"))
     return problem.linear_estimate(smallest_direction(upper, noise), weights, "tls")
 
 
@@ -42,7 +39,7 @@ def row_noise(problem: Problem, values: Array, weights: Array) -> Array:
     noise[:b, :b], each = regressor_noise(problem, weights)
     std, _ = problem.residual_std(values)
     from_encoders = np.einsum("a,eab,b->e", values, each, values)
-    of_torque = np.maximum(std**2 - from_encoders, SMALLEST_TORQUE_SHARE * std**2)
+    of_torque = torque_variance(std**2, from_encoders)
     counts = np.bincount(problem.stacked[2], minlength=problem.equations)
     noise[b, b] = np.sum(counts * weights**2 * of_torque) / counts.sum()
     return noise

@@ -115,38 +115,43 @@ def _require_excited(norms: Array) -> None:
         )
 
 
+def _eigen(matrix: Array) -> tuple[Array, Array]:
+    """Eigenvalues (b,) ascending and vectors (b, b) in columns of a symmetric matrix."""
+    diagonal, rows = matrix.copy(), np.eye(len(matrix))
+    _jacobi(diagonal, rows)
+    values = np.diag(diagonal)
+    order = np.argsort(values)
+    return values[order], rows[order].T
+
+
 # Not LAPACK's: for matrices of this size it starts threads, which cost more than they save.
 @kernel
-def _eigen(matrix):  # type: ignore[no-untyped-def]
-    """Eigenvalues (b,) ascending and vectors (b, b) in columns, by cyclic Jacobi rotations.
+def _jacobi(matrix, vectors):  # type: ignore[no-untyped-def]
+    """Make a symmetric matrix diagonal by cyclic Jacobi rotations; rows of ``vectors`` turn along.
 
     Golub & Van Loan, "Matrix Computations", 2013, section 8.5.
     """
     size = matrix.shape[0]
-    rest = matrix.copy()
-    vectors = np.eye(size)
     for _ in range(SWEEPS):
-        largest = 0.0
+        turned = False
         for i in range(size):
             for j in range(i + 1, size):
-                off = rest[i, j]
-                if off * off <= EIGEN_TOLERANCE * abs(rest[i, i] * rest[j, j]):
+                off = matrix[i, j]
+                if off * off <= EIGEN_TOLERANCE * abs(matrix[i, i] * matrix[j, j]):
                     continue
-                largest = max(largest, abs(off))
-                ratio = (rest[j, j] - rest[i, i]) / (2.0 * off)
+                turned = True
+                ratio = (matrix[j, j] - matrix[i, i]) / (2.0 * off)
                 tangent = (1.0 if ratio >= 0.0 else -1.0) / (abs(ratio) + np.sqrt(1.0 + ratio * ratio))
                 cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
                 sine = tangent * cosine
-                _rotate(rest.T, i, j, cosine, sine)
-                _rotate(rest, i, j, cosine, sine)
+                for k in range(size):
+                    first, second = matrix[k, i], matrix[k, j]
+                    matrix[k, i] = cosine * first - sine * second
+                    matrix[k, j] = sine * first + cosine * second
+                _rotate(matrix, i, j, cosine, sine)
                 _rotate(vectors, i, j, cosine, sine)
-        if largest == 0.0:
-            break
-    values = np.empty(size)
-    for i in range(size):
-        values[i] = rest[i, i]
-    order = np.argsort(values)
-    return values[order], vectors[order].T
+        if not turned:
+            return
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Design of exciting motions: a criterion minimised over Fourier coefficients under the robot's limits."""
+"""Design of exciting motions: a criterion minimised over free coefficients under the robot's limits."""
 
 import itertools
 import os
@@ -19,10 +19,10 @@ from ..inverse_dynamics import inverse_dynamics
 from .constraints import SmoothConstraints
 from .criteria import CriterionValues, criterion_named, criterion_values
 from .excitation import DesignOptions, Excitation
-from .fourier import FourierBasis
 from .limits import Clearance, Limits, limit_margins, require_usable, share_of
 from .problem import DesignProblem, sampling_times, weighted_regressor
 from .random_motion import FeasibleMotions, resting_centres
+from .trajectories import trajectory_basis
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def design_excitation(
     Rows of the base regressor are divided by the joints' torque limits. progress: called after every
     iteration, from the thread of that start. threads: starts at a time (all cores when None); the
     result does not depend on it. The limits are kept on the fine grid of ``limit_margins``.
-    Raises InputError for an unknown criterion and for limits that cannot be met.
+    Raises InputError for an unknown criterion or trajectory and for limits that cannot be met.
     """
     began = time.perf_counter()
     options = options or DesignOptions()
@@ -151,10 +151,9 @@ def _optimise(
     def scaled_gradient(z: Array) -> Array:
         return scale * problem.gradient(z)
 
-    def after_iteration(xk: Any) -> None:
+    def after_iteration(xk: Array) -> None:
         report(next(count), problem.value(xk))
 
-    settings: Any = {"maxiter": iterations, "ftol": scale * TOLERANCE}
     constraints: Any = {
         "type": "ineq",
         "fun": problem.constraint_values,
@@ -168,7 +167,7 @@ def _optimise(
         bounds=[(-1.0, 1.0)] * len(z),
         constraints=constraints,
         callback=after_iteration,
-        options=settings,
+        options={"maxiter": iterations, "ftol": scale * TOLERANCE},
     )
     found = _repaired(problem, motions, problem.coefficients(result.x))
     # The start keeps the limits; it is what is left if the optimiser ends where they cannot be kept.
@@ -191,7 +190,7 @@ def _feasible_motions(
     chain: Chain, parameters: Array, limits: Limits, options: DesignOptions, clearance: Clearance | None
 ) -> FeasibleMotions:
     require_usable(chain, limits)
-    basis = FourierBasis(options.base_frequency, options.harmonics)
+    basis = trajectory_basis(options.trajectory, options.base_frequency, options.harmonics)
     usable = share_of(limits, options.limit_share)
     centres = resting_centres(chain, parameters, usable, clearance, options.seed)
     return FeasibleMotions(chain, parameters, usable, basis, clearance, centres)

@@ -13,12 +13,13 @@ from .trajectory import Trajectory
 class DesignOptions:
     """How a motion is designed.
 
-    harmonics: of the series, at least 2. base_frequency: Hz. groups: parameters to excite. starts:
-    random starting points. iterations: of the optimiser, at most, a start. limit_share: of the
-    position, velocity, acceleration and torque limits that may be used; the rest is the tracking
-    controller's. seed: of the random starts.
+    trajectory: its kind, a name in ``TRAJECTORIES``. harmonics: of the series (segments of a quintic
+    path), at least 2. base_frequency: Hz. groups: parameters to excite. starts: random starting points.
+    iterations: of the optimiser, at most, a start. limit_share: of the position, velocity, acceleration
+    and torque limits that may be used; the rest is the tracking controller's. seed: of the random starts.
     """
 
+    trajectory: str = "fourier"
     harmonics: int = 5
     base_frequency: float = 0.1
     groups: tuple[str, ...] = DEFAULT_GROUPS

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .columns import with_constant
 from .fields import numbers, positive, rows
 
 Array = NDArray[np.float64]
@@ -78,11 +79,8 @@ class FourierSeries:
         }
 
     @staticmethod
-    def from_dict(data: Any) -> "FourierSeries":
+    def from_dict(data: dict[str, Any]) -> "FourierSeries":
         """The inverse of ``to_dict``. Raises InputError for missing, misshapen or moving-start values."""
-        if not isinstance(data, dict) or data.get("type") != "fourier":
-            got = data.get("type") if isinstance(data, dict) else data
-            raise InputError("trajectory", "type", "a known trajectory type", repr(got), ("fourier",))
         frequency, centre = positive(data, "base_frequency", "Hz"), numbers(data, "centre", 1)
         a = rows(data, "a", (len(centre), numbers(data, "a", 2).shape[1]))
         b = rows(data, "b", a.shape)
@@ -140,10 +138,8 @@ class FourierBasis:
     def matrices(self, time: Array) -> tuple[Array, Array, Array]:
         """Each (N, size): q, dq and ddq of a joint at the times (N,) are these times its coefficients."""
         null_space = self.null_space
-        parts = [part @ null_space for part in _harmonics(self.base_frequency, self.harmonics, time)]
-        columns = (np.ones((len(time), 1)), np.zeros((len(time), 1)), np.zeros((len(time), 1)))
-        position, velocity, acceleration = (np.hstack(pair) for pair in zip(columns, parts, strict=True))
-        return position, velocity, acceleration
+        parts = _harmonics(self.base_frequency, self.harmonics, time)
+        return with_constant(*(part @ null_space for part in parts))
 
     def trajectory(self, coefficients: Array) -> FourierSeries:
         """The series of free coefficients (size, n): centre rad (m), the others rad/s (m/s)."""

@@ -115,23 +115,23 @@ def resting_centres(
     middle, half = (limits.lower + limits.upper) / 2, (limits.upper - limits.lower) / 2
     q = middle + CENTRE_SHARE * half * rng.uniform(-1, 1, (CONFIGURATIONS, chain.joints))
     torque = holding_torque(chain, parameters, q)
-    names = [f"torque limit of {name}" for name in chain.joint_names]
     shortage = torque - limits.torque
     if clearance is not None:
-        names += [f"clearance of {pair}" for pair in clearance.pairs]
-        shortage = np.hstack([shortage, clearance.required - clearance.distances(q)])
+        distances = clearance.distances(q)
+        shortage = np.hstack([shortage, clearance.required - distances])
     possible = np.all(shortage <= 0, axis=1)
     if possible.any():
         return q[possible]
     worst = int(np.argmax((shortage > 0).mean(axis=0)))
-    if worst < chain.joints:
+    if clearance is None or worst < chain.joints:
+        field = f"torque limit of {chain.joint_names[worst]} times limit_share"
         expected = f"at least {torque[:, worst].min():.4g} to hold the arm still"
-        raise InputError("limits", names[worst], expected, f"{limits.torque[worst]:.4g}")
-    required = -float(shortage[:, worst].min())
-    if clearance is not None:
-        required += clearance.required
-    expected = f"at most {required:.4g} m, the largest distance in {CONFIGURATIONS} configurations"
-    raise InputError("limits", names[worst], expected, "a larger required distance")
+        raise InputError("limits", field, expected, f"{limits.torque[worst]:.4g}")
+    pair = worst - chain.joints
+    expected = f"at most {distances[:, pair].max():.4g} m, the largest in {CONFIGURATIONS} configurations"
+    raise InputError(
+        "limits", f"clearance of {clearance.pairs[pair]}", expected, f"{clearance.required:.4g} m"
+    )
 
 
 def _scaled(coefficients: Array, factor: float | Array) -> Array:

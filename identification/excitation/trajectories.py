@@ -19,7 +19,7 @@ class TrajectoryKind:
     read: the trajectory of its JSON form.
     """
 
-    basis: Callable[[float, int], TrajectoryBasis]
+    basis: Callable[[float, int], TrajectoryBasis[Any]]
     read: Callable[[dict[str, Any]], Trajectory]
 
 
@@ -31,7 +31,7 @@ TRAJECTORIES: Mapping[str, TrajectoryKind] = {
 }
 
 
-def trajectory_basis(name: str, base_frequency: float, harmonics: int) -> TrajectoryBasis:
+def trajectory_basis(name: str, base_frequency: float, harmonics: int) -> TrajectoryBasis[Any]:
     """The free coefficients of a kind of trajectory; ``base_frequency`` Hz repeats it.
 
     Raises InputError for a name that does not exist and for numbers that the kind cannot do with.

@@ -18,7 +18,7 @@ class EffectParameter:
 
     name, unit: as the diagnosis states them. lower, upper: hard bounds. typical: (low, high) on an
     industrial arm; for parameters that scale with the joint, as a share of ``relative_to``
-    (coulomb, viscous_torque, torque_limit, gravity, inertia), else absolute and relative_to is "".
+    (coulomb, viscous, viscous_torque, torque_limit, gravity, inertia), else absolute and relative_to is "".
     """
 
     name: str

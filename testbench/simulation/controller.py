@@ -75,6 +75,11 @@ def gains(
     return kp, kd
 
 
+def middle_pose(lower: Array, upper: Array) -> Array:
+    """The middle of the joints' ranges, (n,); 0 where a joint has no range."""
+    return np.where(np.isfinite(lower + upper), (lower + upper) / 2, 0.0)
+
+
 def diagonal_inertia(chain: Chain, parameters: Array, pose: Array) -> Array:
     """Diagonal (n,) of the mass matrix at a pose (n,), kg·m² (kg)."""
     n = chain.joints

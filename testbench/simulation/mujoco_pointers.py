@@ -16,7 +16,6 @@ from typing import Any
 import llvmlite.binding
 import mujoco
 from numba import types
-from numba.extending import intrinsic
 
 # Far beyond mjData's size; the scan ends at the last field found, well inside the struct.
 SCAN_LIMIT = 1 << 21
@@ -97,20 +96,3 @@ def installed_control(callback: Any) -> Iterator[None]:
         finally:
             time.value = clock
             mujoco.set_mjcb_control(before)
-
-
-def pointer_to(item: Any) -> Any:
-    """An intrinsic that casts an integer address to a pointer to ``item``."""
-
-    @intrinsic
-    def pointer(typing_context, address):  # type: ignore[no-untyped-def]
-        def codegen(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-            return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-        return types.CPointer(item)(types.int64), codegen
-
-    return pointer
-
-
-float_pointer = pointer_to(types.float64)
-address_pointer = pointer_to(types.int64)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
+from .hooks import Standstill
+
 Array = NDArray[np.float64]
 
 _OFF = mujoco.mjtDisableBit
@@ -43,12 +45,13 @@ def plant_model(model: Any, timestep: float) -> Any:
 
 
 def resting_pose(
-    plant: Any, reference: Array, feedforward: Array, kp: Array, torque_limit: Array
-) -> tuple[Array, Array]:
-    """Pose near ``reference`` at which the controller just balances gravity, and that torque; each (n,).
+    plant: Any, reference: Array, feedforward: Array, kp: Array, torque_limit: Array, standstill: Standstill
+) -> tuple[Array, Array, Array]:
+    """Pose of the links where the controller just holds the arm, windup and torque there; each (n,).
 
-    Solves kp (reference - q) + feedforward = g(q) by fixed-point iteration, a contraction where kp
-    exceeds the stiffness of gravity. Raises InputError when gains or torque limits cannot hold the arm.
+    Solves kp (reference - r) + feedforward = g(q) by fixed-point iteration, a contraction where kp
+    exceeds the stiffness of gravity: r is the reading at q, and g holds gravity, springs and the torque
+    of the effects. Raises InputError when gains or torque limits cannot hold the arm.
     """
     pose = reference.copy()
     data = mujoco.MjData(plant)
@@ -56,19 +59,23 @@ def resting_pose(
         data.qpos[:] = pose
         mujoco.mj_fwdPosition(plant, data)
         mujoco.mj_fwdVelocity(plant, data)
-        torque = data.qfrc_bias - data.qfrc_passive
+        static_load = data.qfrc_bias - data.qfrc_passive
+        torque = static_load - standstill.torque(pose, static_load)
+        windup = standstill.windup(pose, torque)
+        # What the encoder reads beyond the link's position.
+        ahead = standstill.reading(pose + windup, static_load) - pose
         if (np.abs(torque) > torque_limit).any():
             joint = int(np.argmax(np.abs(torque) - torque_limit))
             got = f"{abs(torque[joint]):.4g} to hold joint {joint + 1} at the start"
             raise InputError("simulation", "torque limit", f"at most {torque_limit[joint]:g} N·m", got)
         error = torque - feedforward
         sag = np.divide(error, kp, out=np.where(error == 0.0, 0.0, np.inf), where=kp > 0)
-        change = np.abs(reference - sag - pose).max()
+        change = np.abs(reference - sag - ahead - pose).max()
         if not np.isfinite(change):
             break
-        pose = reference - sag
+        pose = reference - sag - ahead
         if change <= 1e-14 * (1 + np.abs(pose).max()):
-            return pose, torque
+            return pose, windup, torque
     raise InputError(
         "simulation", "controller kp", "gains that hold the arm at the start", kp.round(3).tolist()
     )

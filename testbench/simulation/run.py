@@ -1,7 +1,7 @@
 """From references to recordings: set up the loops, run them as one batch, and let the sensors report."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from typing import Any
@@ -11,14 +11,19 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
+from ..effects import effect
+from ..effects.action import Action, SimulatedRobot, Stage
+from ..effects.base import Injection
 from ..log import Controller, Recording
 from ..robot import Robot
 from . import batch
 from .batch import Loop, run_loops
-from .controller import ControllerOptions, feedforward, gains, velocity_pole
+from .controller import ControllerOptions, diagonal_inertia, feedforward, gains, middle_pose, velocity_pole
+from .hooks import Standstill
 from .plant import plant_model, resting_pose
 from .reference import Reference
 from .sensors import SensorOptions, centred_torque, encoder_quantum, measured_torque, per_joint, white_noise
+from .transmission import CONTACT_DAMPING_RATIO, CONTACT_FREQUENCY
 
 Array = NDArray[np.float64]
 
@@ -29,12 +34,13 @@ POSITION_CHANNEL, TORQUE_CHANNEL = 0, 1
 class SimulationOptions:
     """How a run is simulated. Raises InputError unless the physics step divides the control period.
 
-    physics_timestep: s.
+    physics_timestep: s. effects: what the robot has that its model does not say.
     """
 
     controller: ControllerOptions = field(default_factory=ControllerOptions)
     sensors: SensorOptions = field(default_factory=SensorOptions)
     physics_timestep: float = 1e-4
+    effects: tuple[Injection, ...] = ()
 
     def __post_init__(self) -> None:
         step, period = self.physics_timestep, 1 / self.controller.rate
@@ -126,15 +132,36 @@ class _Run:
             standing = Reference(reference.position[:2], still, still)
             at_rest = feedforward(nominal.chain, nominal.parameters, standing, smoothing)[0]
         noise = per_joint(sensors.position_noise, n, "position_noise", 0) * self._noise(POSITION_CHANNEL)
-        plant = plant_model(robot.model, 1 / (controller.rate * options.substeps))
+        step = 1 / (controller.rate * options.substeps)
+        plant = plant_model(robot.model, step)
+        actions = self._actions(step)
+        split = np.zeros(n, dtype=bool)
+        for action in actions:
+            if action.change_plant is not None:
+                action.change_plant(plant)
+            if action.split is not None:
+                split[action.split] = True
+        armature = np.array(robot.model.dof_armature)
+        self._require_rotors(split & (armature <= 0))
+        plant.dof_armature[split] = 0.0
+        hooks = tuple(hook for action in actions for hook in action.hooks)
+        for hook in hooks:
+            if hook.stage is Stage.TRANSMISSION and not split[hook.joint]:
+                raise RuntimeError(f"a hook of the transmission on joint {hook.joint}, which is not split")
+        frequency = 2 * np.pi * CONTACT_FREQUENCY
+        stiffness = frequency**2 * armature
         limit = nominal.limits.torque
-        pose, self.hold = resting_pose(plant, reference.position[0], at_rest, self.kp, limit)
+        still = Standstill(hooks, split, stiffness, step)
+        pose, windup, self.hold = resting_pose(plant, reference.position[0], at_rest, self.kp, limit, still)
         constants = np.empty((batch.CONSTANTS, n))
         constants[batch.VISCOUS] = np.asarray(robot.model.dof_damping).reshape(n, -1)[:, 0]
         constants[batch.COULOMB] = robot.model.dof_frictionloss
         constants[batch.KP], constants[batch.KD] = self.kp, self.kd
         constants[batch.TORQUE_LIMIT] = limit
         constants[batch.ENCODER_QUANTUM] = encoder_quantum(sensors, robot.chain.is_slide)
+        constants[batch.ARMATURE], constants[batch.SPLIT] = armature, split
+        constants[batch.CONTACT_STIFFNESS] = stiffness
+        constants[batch.CONTACT_DAMPING] = 2 * CONTACT_DAMPING_RATIO * frequency * armature
         self.loop = Loop(
             plant=plant,
             substeps=options.substeps,
@@ -144,7 +171,24 @@ class _Run:
             inputs=np.stack([reference.position, reference.velocity, forward, noise], axis=1),
             pose=pose,
             hold=self.hold,
+            windup=windup,
+            hooks=hooks,
         )
+
+    def _actions(self, timestep: float) -> list[Action]:
+        """What each effect does to this robot."""
+        if not self.options.effects:
+            return []
+        robot = self.robot
+        middle = middle_pose(robot.limits.lower, robot.limits.upper)
+        inertia = diagonal_inertia(robot.chain, robot.parameters, middle)
+        simulated = SimulatedRobot(robot, timestep, self.options.controller.rate, inertia)
+        return [effect(each.effect).action(each, simulated) for each in self.options.effects]
+
+    def _require_rotors(self, missing: NDArray[np.bool_]) -> None:
+        if missing.any():
+            name = self.robot.joint_names[int(np.argmax(missing))]
+            raise InputError("effects", name, "a rotor inertia (armature) to move apart from the link", 0)
 
     def _noise(self, channel: int) -> Array:
         return white_noise(self.stream, channel, self.reference.position.shape)
@@ -189,17 +233,12 @@ class _Run:
                 self.kd,
                 controller.coulomb_smoothing if has_feedforward else None,
             ),
-            truth={
-                "position": output[:, batch.POSITION].copy(),
-                "velocity": output[:, batch.VELOCITY].copy(),
-                "acceleration": output[:, batch.ACCELERATION].copy(),
-                "torque": centred_torque(command, self.hold, np.zeros(robot.joints), rate),
-                "friction_torque": output[:, batch.FRICTION].copy(),
-                "parameters": robot.parameters.copy(),
-            },
+            truth=self._truth(output),
+            truth_effects=[_told(injection, robot) for injection in options.effects],
             provenance={
                 "model": robot.path.name,
-                "simulation": _plain(asdict(options)),
+                # What the robot hides belongs to the truth.
+                "simulation": _plain(asdict(replace(options, effects=()))),
                 "seed": {"entropy": self.stream.entropy, "spawn_key": list(self.stream.spawn_key)},
                 "versions": {
                     name: version(name) for name in ("mujoco", "numba", "numpy", "identification-testbench")
@@ -207,6 +246,29 @@ class _Run:
             },
             is_slide=tuple(bool(slide) for slide in robot.chain.is_slide),
         )
+
+    def _truth(self, output: Array) -> dict[str, Array]:
+        """What only the simulation knows, by name."""
+        channels = {
+            "position": batch.POSITION,
+            "velocity": batch.VELOCITY,
+            "acceleration": batch.ACCELERATION,
+            "torque": batch.DRIVE,
+            "friction_torque": batch.FRICTION,
+        }
+        if self.options.effects:
+            channels |= {"link_position": batch.LINK_POSITION, "effect_torque": batch.EFFECT_TORQUE}
+        truth = {name: output[:, channel].copy() for name, channel in channels.items()}
+        return truth | {"parameters": self.robot.parameters.copy()}
+
+
+def _told(injection: Injection, robot: Robot) -> dict[str, Any]:
+    """An injection as the truth of a log tells it."""
+    joints = {
+        key: None if joint is None else robot.joint_names[joint]
+        for key, joint in (("joint", injection.joint), ("into", injection.into))
+    }
+    return {"effect": injection.effect, **joints, "law": injection.law, "values": dict(injection.values)}
 
 
 @cache

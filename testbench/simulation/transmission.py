@@ -4,9 +4,9 @@
 
 with the rotor's inertia I_m; MuJoCo carries the link, driven by s (Spong, "Modeling and control of
 elastic joint robots", J. Dyn. Sys. 1987). The motor steps like MuJoCo's links do, v+ = v + h a(q),
-q+ = q + h v+. Explicit, that is stable for h w0 < 2 only. With K and D divided by 1 + (h w0 / 2)²
-and 1 + h d / 2 (w0² = K / I, d = D / I, I the reduced inertia) the step has the eigenvalues of the
-trapezoidal rule: stable for any K and D, without numerical damping, and of second order in h.
+q+ = q + h v+. Explicit, that is stable for small h only. With s divided by 1 + h d / 2 + (h w0 / 2)²
+(w0² = K / I, d = D / I, I the reduced inertia) it is stable for any K and D, an undamped swing keeps
+its energy and has the frequency of the trapezoidal rule, and the error is of second order in h.
 """
 
 from identification.kinematics import kernel
@@ -31,9 +31,8 @@ def spring_torque(windup, rate, stiffness, damping, half_gap, compliance, timest
             wound = windup + half_gap
         else:
             return 0.0
-    spring = stiffness / (1.0 + 0.25 * timestep * timestep * stiffness * compliance)
-    damper = damping / (1.0 + 0.5 * timestep * damping * compliance)
-    torque = spring * wound + damper * rate
+    slow = 1.0 + timestep * compliance * (0.5 * damping + 0.25 * timestep * stiffness)
+    torque = (stiffness * wound + damping * rate) / slow
     # Teeth push and never pull.
     if half_gap > 0.0 and torque * wound < 0.0:
         return 0.0

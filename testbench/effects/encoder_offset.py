@@ -1,0 +1,65 @@
+"""Encoder offset: a joint's zero is not where the model has it."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..robot import Robot
+from .action import READING, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, require_joint, vector
+from .base import EffectDescription, EffectParameter, Injection, Scope
+from .mjcf_form import file_angle, joint_element
+from .signature import Family, Logged, Member, coefficients_as_named
+
+DESCRIPTION = EffectDescription(
+    name="encoder_offset",
+    title="Encoder offset",
+    law="measured position = true position + offset",
+    reference='Mooring, Roth & Driels, "Fundamentals of Manipulator Calibration", Wiley 1991',
+    scope=Scope.JOINT,
+    parameters=(EffectParameter("offset", "rad", -0.5, 0.5, (0.0005, 0.05)),),
+    confused_with=("base_tilt", "gravity_spring", "payload"),
+)
+
+
+def action(injection: Injection, simulated: SimulatedRobot) -> Action:
+    """The reading plus the offset."""
+    joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
+    return Action((hook(Stage.ENCODER, _offset, joint, injection.values["offset"]),))
+
+
+@hook_kernel
+def _offset(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+    bus_row(bus, joint)[READING] += vector(parameters, 1)[0]
+
+
+def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
+    """tau(measured - offset): less the derivative of the load by this joint's position, at all joints."""
+    joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
+    parameter = DESCRIPTION.parameters[0]
+    back = np.array([[-1.0, 0.0, 0.0]])
+    member = Member(
+        shape={},
+        rows=tuple(range(runs[0].joints)),
+        columns=tuple(run.load_change(joint, back)[:, :, None] for run in runs),
+        lower=np.array([parameter.lower]),
+        upper=np.array([parameter.upper]),
+    )
+    named = coefficients_as_named(DESCRIPTION, ("offset",))
+    return Family(DESCRIPTION.name, joint, (member,), named, swallowed=True)
+
+
+def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
+    """The joint's reference: its coordinate becomes what the encoder reads; limits and keyframes follow."""
+    joint = require_joint(DESCRIPTION.name, injection.joint, robot.joints)
+    element = joint_element(spec, robot, joint)
+    offset = injection.values["offset"]
+    turned = file_angle(spec, robot, joint, offset)
+    element.ref += turned
+    element.springref += turned
+    if element.range[0] != element.range[1]:
+        element.range = element.range + turned
+    for key in spec.keys:
+        if len(key.qpos):
+            key.qpos = [value + offset * (index == joint) for index, value in enumerate(key.qpos)]
+    return ()

@@ -1,0 +1,213 @@
+"""One logged run, with what the model says along it: the ground that signatures are made from."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.chain import Chain
+from identification.filtering import central_difference, zero_phase_lowpass
+from identification.inverse_dynamics import inverse_dynamics
+from identification.parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_JOINT, VISCOUS
+
+from ..log import Recording
+from ..robot import Limits, Robot
+
+Array = NDArray[np.float64]
+
+# Central difference of an analytic function: truncation and rounding both below 1e-9 of the torque.
+ANGLE_STEP = 1e-5
+# The part of the motion above this share of the cut-off is encoder noise once differentiated four times.
+SMOOTH_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class Logged:
+    """One run, with what the model says along it. N samples, n joints; SI units at the joint.
+
+    chain: kinematics. parameters: (14 n,) standard parameters as last estimated. nominal: (14 n,) of the
+    model as given. limits: of the joints. time: (N,) s, uniform. sample_rate: Hz. cutoff: Hz, of the
+    low-pass behind q, dq and ddq. q, dq, ddq: (N, n) filtered at the full rate. tau: (N, n) measured
+    torque at the full rate. temperature: (N, n) degC. torque_command: (N, n) N·m. reference_position,
+    reference_velocity, reference_acceleration: (N, n). body_rotation (3, 3), body_origin (3,) m: the last
+    body's frame in the last link's (``body_in_link``), which the contract tells a payload in.
+    """
+
+    chain: Chain
+    parameters: Array
+    nominal: Array
+    limits: Limits
+    time: Array
+    sample_rate: float
+    cutoff: float
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    temperature: Array | None = None
+    torque_command: Array | None = None
+    reference_position: Array | None = None
+    reference_velocity: Array | None = None
+    reference_acceleration: Array | None = None
+    body_rotation: Array = field(default_factory=lambda: np.eye(3))
+    body_origin: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def samples(self) -> int:
+        """Number of samples, N."""
+        return len(self.q)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints, n."""
+        return self.chain.joints
+
+    @cached_property
+    def load(self) -> Array:
+        """Torque the gearboxes carry by the model: rigid body without rotors and friction, (N, n) N·m."""
+        return inverse_dynamics(self.chain, self._links, self.q, self.dq, self.ddq)
+
+    @cached_property
+    def friction(self) -> Array:
+        """Viscous and Coulomb friction and offset by the model, (N, n) N·m."""
+        table = self.table
+        return table[:, VISCOUS] * self.dq + table[:, COULOMB] * np.sign(self.dq) + table[:, OFFSET]
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Drive torque by the model, (N, n) N·m: load, rotors and friction; never the measured torque."""
+        return self.load + self.table[:, ARMATURE] * self.ddq + self.friction
+
+    @cached_property
+    def predicted_rate(self) -> Array:
+        """Time derivative of ``predicted``, (N, n) N·m/s; a jump of Coulomb friction is a spike."""
+        return central_difference(self.predicted, self.sample_rate)
+
+    @cached_property
+    def residual(self) -> Array:
+        """Measured less predicted torque, (N, n) N·m: to look where an effect is, never to regress on."""
+        return self.tau - self.predicted
+
+    @cached_property
+    def table(self) -> Array:
+        """The standard parameters as (n, 14)."""
+        return self.parameters.reshape(self.joints, PER_JOINT)
+
+    @cached_property
+    def gravity_load(self) -> Array:
+        """Gravity's share of ``load``, (N, n) N·m."""
+        still = np.zeros_like(self.q)
+        return inverse_dynamics(self.chain, self._links, self.q, still, still)
+
+    @cached_property
+    def smooth(self) -> "Logged":
+        """The same run along a motion that can be differentiated further: reference plus slow tracking error.
+
+        The measured motion is followed below half the cut-off; encoder noise above it is left out, while
+        a reference keeps its own fast content. Without a reference it is the measured motion, low-passed.
+        """
+        cutoff = SMOOTH_SHARE * self.cutoff
+        reference = (self.reference_position, self.reference_velocity, self.reference_acceleration)
+        if any(part is None for part in reference):
+            reference = (None, None, None)
+        motion = []
+        for measured, wanted in zip((self.q, self.dq, self.ddq), reference, strict=True):
+            base = np.zeros_like(measured) if wanted is None else wanted
+            motion.append(base + zero_phase_lowpass(measured - base, self.sample_rate, cutoff))
+        return replace(self, q=motion[0], dq=motion[1], ddq=motion[2])
+
+    def load_change(self, joint: int, displacement: Array) -> Array:
+        """First-order change of ``load``, (N, n) N·m, where link coordinate ``joint`` is q + displacement.
+
+        displacement: (N, 3) of the displacement and its first two time derivatives, rad, rad/s, rad/s².
+        """
+        by_position, by_velocity, by_acceleration = self._load_derivatives(joint)
+        return (
+            by_position * displacement[:, :1]
+            + by_velocity * displacement[:, 1:2]
+            + by_acceleration * displacement[:, 2:]
+        )
+
+    @property
+    def _links(self) -> Array:
+        """The standard parameters with rotors and friction left out, (14 n,)."""
+        table = self.table.copy()
+        table[:, INERTIAL:] = 0.0
+        return table.ravel()
+
+    @cached_property
+    def _derivatives(self) -> dict[int, tuple[Array, Array, Array]]:
+        return {}
+
+    def _load_derivatives(self, joint: int) -> tuple[Array, Array, Array]:
+        """d load / d(q, dq, ddq) of one joint, each (N, n)."""
+        if joint not in self._derivatives:
+            unit = np.eye(self.joints)[joint]
+            still = np.zeros_like(self.q)
+            motion = [self.q, self.dq, self.ddq]
+
+            def central(index: int, step: float) -> Array:
+                ends = []
+                for sign in (1, -1):
+                    moved = list(motion)
+                    moved[index] = motion[index] + sign * step * unit
+                    ends.append(inverse_dynamics(self.chain, self._links, moved[0], moved[1], moved[2]))
+                return (ends[0] - ends[1]) / (2 * step)
+
+            weightless = replace(self.chain, gravity=np.zeros(3))
+            # Torque is quadratic in the velocities, so any step is exact there.
+            self._derivatives[joint] = (
+                central(0, ANGLE_STEP),
+                central(1, 1.0),
+                inverse_dynamics(weightless, self._links, self.q, still, still + unit),
+            )
+        return self._derivatives[joint]
+
+
+def logged_run(robot: Robot, recording: Recording, parameters: Array, cutoff: float) -> Logged:
+    """A recording on a uniform grid with q, dq and ddq by zero-phase low-pass and central differences.
+
+    parameters: (14 n,) standard parameters to predict with. cutoff: Hz.
+    """
+    rate = recording.sample_rate
+    q = zero_phase_lowpass(recording.position, rate, cutoff)
+    dq = central_difference(q, rate)
+    rotation, origin = body_in_link(robot, robot.joints - 1)
+    return Logged(
+        chain=robot.chain,
+        parameters=parameters,
+        nominal=robot.parameters,
+        limits=robot.limits,
+        time=recording.time,
+        sample_rate=rate,
+        cutoff=cutoff,
+        q=q,
+        dq=dq,
+        ddq=central_difference(dq, rate),
+        tau=recording.torque,
+        temperature=recording.temperature,
+        torque_command=recording.torque_command,
+        reference_position=recording.reference_position,
+        reference_velocity=recording.reference_velocity,
+        reference_acceleration=recording.reference_acceleration,
+        body_rotation=rotation,
+        body_origin=origin,
+    )
+
+
+def body_in_link(robot: Robot, joint: int) -> tuple[Array, Array]:
+    """The frame of the body that carries a joint, in that joint's link frame: (3, 3) and origin (3,) m."""
+    data = mujoco.MjData(robot.model)
+    mujoco.mj_kinematics(robot.model, data)
+    rotation, origin = np.eye(3), np.zeros(3)
+    chain = robot.chain
+    for index, position in enumerate(data.qpos[: joint + 1]):
+        turn = 0.0 if chain.is_slide[index] else position
+        shift = chain.rotation[index, :, 2] * (position if chain.is_slide[index] else 0.0)
+        origin = origin + rotation @ (chain.translation[index] + shift)
+        c, s = np.cos(turn), np.sin(turn)
+        rotation = rotation @ chain.rotation[index] @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    body = int(robot.model.jnt_bodyid[joint])
+    return rotation.T @ data.xmat[body].reshape(3, 3), rotation.T @ (data.xpos[body] - origin)

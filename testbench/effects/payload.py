@@ -1,0 +1,126 @@
+"""Payload: a body on the flange that the model does not know."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.parameters import INERTIAL, PER_JOINT
+from identification.regressor import regressor
+
+from ..robot import Robot
+from .action import Action, SimulatedRobot
+from .base import EffectDescription, EffectParameter, Injection, Scope
+from .signature import Family, Logged, Member, Quantity
+
+Array = NDArray[np.float64]
+
+DESCRIPTION = EffectDescription(
+    name="payload",
+    title="Payload",
+    law="ten inertial parameters added to the last body: sphere, a solid ball of aluminium about the "
+    "centre first_moment / mass; point, all mass at the centre",
+    reference='Khalil, Gautier & Lemoine, "Identification of the payload inertial parameters of '
+    'industrial manipulators", ICRA 2007',
+    scope=Scope.ROBOT,
+    parameters=(
+        EffectParameter("mass", "kg", 0.0, 1000.0, (0.5, 7.0)),
+        EffectParameter("first_moment_x", "kg·m", -100.0, 100.0, (0.0, 0.15)),
+        EffectParameter("first_moment_y", "kg·m", -100.0, 100.0, (0.0, -0.1)),
+        EffectParameter("first_moment_z", "kg·m", -100.0, 100.0, (0.03, 0.7)),
+    ),
+    laws=("sphere", "point"),
+    confused_with=("torque_gain_error", "encoder_offset"),
+)
+DENSITY = 2700.0
+MOMENTS = ("first_moment_x", "first_moment_y", "first_moment_z")
+# XX .. ZZ of the ten, kg·m², are bounded by a payload that reaches this far, m.
+REACH = 1.0
+
+
+def centre_and_inertia(injection: Injection) -> tuple[float, Array, float]:
+    """Mass kg, centre (3,) m in the last body's frame, and inertia kg·m² about any axis through it."""
+    mass = injection.values["mass"]
+    centre = np.array([injection.values[name] for name in MOMENTS]) / mass
+    radius = 0.0 if injection.law == "point" else (3 * mass / (4 * np.pi * DENSITY)) ** (1 / 3)
+    return mass, centre, 0.4 * mass * radius**2
+
+
+def action(injection: Injection, simulated: SimulatedRobot) -> Action:
+    """The last body's mass, centre and inertia in the plant; nothing without mass."""
+    if injection.values["mass"] == 0.0:
+        return Action()
+    mass, centre, inertia = centre_and_inertia(injection)
+
+    def load(plant: Any) -> None:
+        body = int(plant.jnt_bodyid[-1])
+        flat = np.empty(9)
+        mujoco.mju_quat2Mat(flat, plant.body_iquat[body])
+        axes = flat.reshape(3, 3)
+        own_mass, own_centre = float(plant.body_mass[body]), np.array(plant.body_ipos[body])
+        total = own_mass + mass
+        common = (own_mass * own_centre + mass * centre) / total
+        tensor = axes @ np.diag(plant.body_inertia[body]) @ axes.T + inertia * np.eye(3)
+        for part, arm in ((own_mass, own_centre - common), (mass, centre - common)):
+            tensor += part * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        moments, directions = np.linalg.eigh(tensor)
+        if np.linalg.det(directions) < 0:
+            directions[:, 0] *= -1
+        plant.body_mass[body], plant.body_ipos[body], plant.body_inertia[body] = total, common, moments
+        mujoco.mju_mat2Quat(plant.body_iquat[body], directions.ravel())
+        # What the compiler saw of the body's own inertia to save work no longer holds.
+        plant.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        plant.body_simple[body] = 0
+        plant.dof_simplenum[:] = 0
+        mujoco.mj_setConst(plant, mujoco.MjData(plant))
+
+    return Action(change_plant=load)
+
+
+def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
+    """The ten inertial columns of the last link: the base parameters swallow them.
+
+    What tells is the shift of the parameters from the nominal ones along these ten; c is in the order
+    of the standard parameters, in the last link's frame.
+    """
+    n = runs[0].joints
+    ten = PER_JOINT * (n - 1) + np.arange(INERTIAL)
+    bounds = np.array([DESCRIPTION.parameters[0].upper] * INERTIAL) * REACH
+    member = Member(
+        shape={},
+        rows=tuple(range(n)),
+        columns=tuple(regressor(run.chain, run.q, run.dq, run.ddq, ten) for run in runs),
+        lower=np.where(np.isin(np.arange(INERTIAL), (0, 3, 5, 9)), 0.0, -bounds),
+        upper=bounds,
+    )
+
+    def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+        # From the link's frame, which the columns are in, to the body's, which the contract wants.
+        turn = np.zeros((4, INERTIAL))
+        turn[0, 9] = 1.0
+        turn[1:, 6:9] = runs[0].body_rotation.T
+        turn[1:, 9] = -runs[0].body_rotation.T @ runs[0].body_origin
+        values = turn @ c
+        std = np.sqrt(np.maximum(np.diag(turn @ covariance[:INERTIAL, :INERTIAL] @ turn.T), 0.0))
+        return {
+            "mass": Quantity(float(values[0]), float(std[0]), "kg"),
+            "first_moment": Quantity(
+                tuple(float(value) for value in values[1:]), tuple(float(d) for d in std[1:]), "kg·m"
+            ),
+        }
+
+    return Family(DESCRIPTION.name, None, (member,), parameters, swallowed=True)
+
+
+def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
+    """A body with an inertial, welded to the last body."""
+    if injection.values["mass"] == 0.0:
+        return ()
+    mass, centre, inertia = centre_and_inertia(injection)
+    carrier = spec.body(robot.model.body(int(robot.model.jnt_bodyid[-1])).name)
+    carrier.add_body(
+        name="payload", mass=mass, ipos=centre, inertia=np.full(3, inertia), explicitinertial=True
+    )
+    return ()

@@ -1,0 +1,91 @@
+"""Torque delay: every joint's torque acts later than it is reported."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..robot import Robot
+from .action import DRIVE, STEP, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, vector
+from .base import EffectDescription, EffectParameter, Injection, Scope
+from .mjcf_form import drive
+from .signature import Family, Logged, Member, coefficients_as_named
+
+Array = NDArray[np.float64]
+
+DESCRIPTION = EffectDescription(
+    name="torque_delay",
+    title="Torque delay",
+    law="true torque(t) = reported torque(t - delay), the same delay on every joint",
+    reference='Östring, Gunnarsson & Norrlöf, "Closed-loop identification of an industrial robot '
+    'containing flexibilities", Control Engineering Practice 11(3), 2003',
+    scope=Scope.ROBOT,
+    parameters=(EffectParameter("delay", "s", 0.0, 0.05, (0.0002, 0.01)),),
+    confused_with=("actuator_lag", "joint_elasticity"),
+)
+
+# Seconds; the difference over one of them is the derivative of the torque at that time scale.
+GRID = (0.0005, 0.002, 0.005, 0.01)
+
+
+def action(injection: Injection, simulated: SimulatedRobot) -> Action:
+    """A ring buffer of drive torques a joint, at the rate of the physics, interpolated between steps."""
+    steps = injection.values["delay"] / simulated.timestep
+    # A delay of whole steps is not to pick up a rounding error's share of its neighbour.
+    nearest = round(steps)
+    steps = float(nearest) if abs(steps - nearest) < 1e-9 * max(nearest, 1) else steps
+    size = int(steps) + 2
+    joints = range(simulated.robot.joints)
+    return Action(tuple(hook(Stage.DRIVE, _delay, joint, (steps, size), size) for joint in joints))
+
+
+@hook_kernel
+def _delay(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+    row = bus_row(bus, joint)
+    steps, size = vector(parameters, 2)
+    buffer = vector(state, int(size))
+    now = int(row[STEP])
+    if now == 0:
+        buffer[:] = row[DRIVE]
+    buffer[now % buffer.size] = row[DRIVE]
+    whole = int(steps)
+    share = steps - whole
+    later = buffer[(now - whole) % buffer.size]
+    row[DRIVE] = later + share * (buffer[(now - whole - 1) % buffer.size] - later)
+
+
+def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
+    """reported(t) = predicted(t + delay): its difference over a delay, so that c is the delay."""
+    parameter = DESCRIPTION.parameters[0]
+    members = tuple(
+        Member(
+            shape={"difference": delay},
+            rows=tuple(range(runs[0].joints)),
+            columns=tuple(_difference(run, delay)[:, :, None] for run in runs),
+            lower=np.array([parameter.lower]),
+            upper=np.array([parameter.upper]),
+        )
+        for delay in GRID
+    )
+    return Family(DESCRIPTION.name, None, members, coefficients_as_named(DESCRIPTION, ("delay",)))
+
+
+def _difference(run: Logged, delay: float) -> Array:
+    """(predicted(t + delay) - predicted(t)) / delay, (N, n); the last sample is held."""
+    instants = np.arange(run.samples)
+    ahead = [np.interp(instants + delay * run.sample_rate, instants, torque) for torque in run.predicted.T]
+    return (np.column_stack(ahead) - run.predicted) / delay
+
+
+def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
+    """The motors' history buffers."""
+    delay = injection.values["delay"]
+    step = robot.model.opt.timestep
+    for joint in range(robot.joints):
+        motor = drive(spec, robot, joint)
+        motor.delay = delay
+        motor.nsample = int(np.ceil(delay / step)) + 1 if delay > 0 else 0
+    if 0 < delay < step:
+        return (f"a delay of {delay:g} s acts as one time step of {step:g} s, MuJoCo's shortest",)
+    return ()
