@@ -21,6 +21,8 @@ class Estimate:
     effective_samples: independent residual samples, over all joints.
     estimator: its name.
     standard: (14 n,) a full standard vector with these base values, where the estimator finds one.
+    exogeneity_p_value: of the test that the measured regressor is free of errors that matter (below .05 least
+    squares is biased), where the estimator makes it.
     """
 
     base: BaseParameters
@@ -31,6 +33,7 @@ class Estimate:
     effective_samples: float
     estimator: str
     standard: Array | None = None
+    exogeneity_p_value: float | None = None
 
     @property
     def std(self) -> Array:
@@ -39,8 +42,9 @@ class Estimate:
 
     @property
     def percent_sigma(self) -> Array:
-        """Relative standard deviations 100 std / |value|, (b,), %."""
-        return 100 * self.std / np.maximum(np.abs(self.values), np.finfo(float).tiny)
+        """Relative standard deviations 100 std / |value|, (b,), %; inf for a value of zero."""
+        with np.errstate(divide="ignore", over="ignore"):
+            return 100 * self.std / np.abs(self.values)
 
 
 @dataclass(frozen=True)

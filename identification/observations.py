@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import InputError
+
 Array = NDArray[np.float64]
 
 # The position keeps twice the band of the equations, so that its own filter leaves that band flat.
@@ -15,7 +17,7 @@ HIGHEST_CUTOFF = 0.4
 
 @dataclass(frozen=True)
 class Preprocessing:
-    """How logged signals become equations.
+    """How logged signals become equations. Raises InputError for values out of range.
 
     cutoff: Hz, of the parallel low-pass on torque and regressor.
     differentiation: name of the method that finds velocity and acceleration.
@@ -27,6 +29,12 @@ class Preprocessing:
     differentiation: str = "rloess"
     dead_zone: float = 0.05
     model: str = "inverse_dynamic"
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.cutoff) and self.cutoff > 0):
+            raise InputError("identification", "cutoff", "a positive number of Hz", self.cutoff)
+        if not (np.isfinite(self.dead_zone) and self.dead_zone >= 0):
+            raise InputError("identification", "dead_zone", "0 or more, rad/s", self.dead_zone)
 
     def at(self, sample_rate: float) -> "Preprocessing":
         """The same with the cut-off lowered to what the sample rate carries."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from .base_parameters import base_parameters
 from .chain import Chain
+from .closed_loop import ClosedLoop
 from .estimate import Estimate, TorqueFit
 from .estimators import estimate
 from .models import Preprocessing, observe
@@ -32,16 +33,19 @@ def identify(
     runs: Mapping[str, Motion],
     validation_runs: Mapping[str, Motion],
     options: IdentificationOptions,
+    closed_loop: ClosedLoop | None = None,
 ) -> tuple[Estimate, tuple[TorqueFit, ...], tuple[TorqueFit, ...]]:
     """The estimate, how it fits the runs it was made from, and how it predicts the others.
 
-    nominal: (14 n,) standard parameters of the model as given. Runs by name. Raises InputError for
+    nominal: (14 n,) standard parameters of the model as given. Runs by name. closed_loop: simulates
+    ``runs``, in their order, for the estimators that need it. Raises InputError for
     runs that are too short or excite too little, and for unknown estimators, groups, identification
     models or differentiation methods.
     """
     base = base_parameters(chain, options.groups)
     fitted = [observe(chain, base, motion, options.preprocessing, name) for name, motion in runs.items()]
-    problem = Problem(chain, base, tuple(fitted), tuple(runs.values()), options.preprocessing, nominal)
+    motions = tuple(runs.values())
+    problem = Problem(chain, base, tuple(fitted), motions, options.preprocessing, nominal, closed_loop)
     found = estimate(problem, options.estimator)
     # Whatever equations it was found by, an estimate is judged by the torque it predicts.
     torques = replace(options.preprocessing, model="inverse_dynamic")

@@ -10,6 +10,7 @@ from scipy.linalg import solve_triangular
 
 from .base_parameters import BaseParameters
 from .chain import Chain
+from .closed_loop import ClosedLoop
 from .covariance import variance_inflation
 from .errors import InputError
 from .estimate import Estimate
@@ -29,6 +30,7 @@ class Problem:
     chain: kinematics. base: the parameters sought. observations: the equations of every run fitted.
     motions: the raw runs behind them, in the same order. preprocessing: how one became the other.
     nominal: (14 n,) standard parameters of the model as given, a starting point and a prior.
+    closed_loop: simulates the runs, where the logs tell reference and controller.
     """
 
     chain: Chain
@@ -37,6 +39,7 @@ class Problem:
     motions: tuple[Motion, ...]
     preprocessing: Preprocessing
     nominal: Array
+    closed_loop: ClosedLoop | None = None
 
     @cached_property
     def stacked(self) -> tuple[Array, Array, NDArray[np.int64]]:

@@ -3,24 +3,26 @@
 import json
 
 from rich.console import Console
+from rich.table import Table
 
 from identification.differentiation import differentiation_methods
 from identification.estimators import estimators
 from identification.excitation.criteria import CRITERIA
 from identification.excitation.trajectories import TRAJECTORIES
+from identification.models import identification_models
 
-MODELS = ("inverse_dynamic",)
+from .effects import effects
 
 
 def catalogue() -> dict[str, list[str]]:
     """Names by kind: models, estimators, differentiation, trajectories, criteria, effects."""
     return {
-        "models": list(MODELS),
+        "models": sorted(identification_models()),
         "estimators": sorted(estimators()),
         "differentiation": sorted(differentiation_methods()),
         "trajectories": sorted(TRAJECTORIES),
         "criteria": sorted(CRITERIA),
-        "effects": [],
+        "effects": sorted(effects()),
     }
 
 
@@ -30,6 +32,7 @@ def print_catalogue(as_json: bool) -> None:
     if as_json:
         print(json.dumps(names))
         return
-    console = Console()
+    table = Table(box=None, pad_edge=False, show_header=False)
     for kind, members in names.items():
-        console.print(f"[bold]{kind}[/bold]  {', '.join(members) or 'none yet'}")
+        table.add_row(f"[bold]{kind}[/bold]", ", ".join(members))
+    Console().print(table)

@@ -1,15 +1,23 @@
-"""The command line: ``testbench run | excite | simulate | identify | list | view``.
+"""The command line: ``testbench run | excite | simulate | identify | diagnose | predict | list | view``.
 
 Exit codes: 0 done, 2 bad input (one line on stderr), 1 a fault of ours. What a command needs is
 imported when it is called, so that ``--help`` answers at once.
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import (
+    App,
+    CoercionError,
+    CycloptsError,
+    MissingArgumentError,
+    Parameter,
+    UnknownCommandError,
+    UnknownOptionError,
+)
 
 from identification.errors import InputError
 
@@ -19,17 +27,39 @@ app = App(
     version_flags=["--version"],
 )
 
-Jobs = Annotated[int | None, Parameter(help="worker threads; all cores when not given")]
-Seed = Annotated[int | None, Parameter(help="seed of everything random")]
+# What an option wants that is not a word.
+NUMBERS: dict[type | None, str] = {int: "a whole number", float: "a number"}
+
+
+def _at_least(lowest: int, option: str) -> Callable[[Any, Any], None]:
+    """A cyclopts validator."""
+
+    def check(_: Any, value: Any) -> None:
+        if value is not None and value < lowest:
+            raise InputError("testbench", option, f"a whole number of at least {lowest}", value)
+
+    return check
+
+
+Jobs = Annotated[
+    int | None,
+    Parameter(help="worker threads; all cores when not given", validator=_at_least(1, "--jobs")),
+]
+Seed = Annotated[
+    int, Parameter(help="seed of everything random; one seed, one result", validator=_at_least(0, "--seed"))
+]
 Model = Annotated[Path, Parameter(help="MJCF, or a URDF that MuJoCo reads")]
 
 
 @app.command
 def run(
     scenario: Annotated[Path, Parameter(help="scenario YAML")],
+    /,
     *,
     out: Annotated[Path | None, Parameter(help="folder for the results; logs/NAME when not given")] = None,
-    seed: Seed = None,
+    seed: Annotated[
+        int | None, Parameter(help="instead of the scenario's", validator=_at_least(0, "--seed"))
+    ] = None,
     jobs: Jobs = None,
 ) -> None:
     """Design, simulate, log, identify, compare with the truth, report: the whole chain."""
@@ -44,17 +74,28 @@ def excite(
     model: Model,
     out: Annotated[Path, Parameter(help="trajectory JSON to write")],
     criterion: Annotated[str, Parameter(help="hadamard, condition or logdet")] = "logdet",
-    harmonics: Annotated[int, Parameter(help="harmonics of the Fourier series")] = 5,
-    base_frequency: Annotated[float, Parameter(help="Hz")] = 0.1,
+    trajectory: Annotated[str, Parameter(help="kind of motion, see testbench list")] = "fourier",
+    harmonics: Annotated[int, Parameter(help="harmonics of the series, or segments of a quintic")] = 5,
+    base_frequency: Annotated[float, Parameter(help="Hz; the motion repeats at this rate")] = 0.1,
     starts: Annotated[int, Parameter(help="seeded restarts")] = 3,
     limit_share: Annotated[float, Parameter(help="share of the model's limits to use, 0 to 1")] = 0.9,
-    seed: Seed = None,
+    seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
     """Design an excitation within the limits of a model."""
-    from .run import excite_model
+    from identification.excitation.excitation import DesignOptions
 
-    excite_model(model, out, criterion, harmonics, base_frequency, starts, limit_share, seed or 0, jobs)
+    from .excite import excite_model
+
+    options = DesignOptions(
+        trajectory=trajectory,
+        harmonics=harmonics,
+        base_frequency=base_frequency,
+        starts=starts,
+        limit_share=limit_share,
+        seed=seed,
+    )
+    excite_model(model, out, criterion, options, jobs)
 
 
 @app.command
@@ -63,21 +104,33 @@ def simulate(
     model: Model,
     trajectory: Annotated[Path, Parameter(help="trajectory JSON, as excite writes it")],
     out: Annotated[Path, Parameter(help="robot-log HDF5 to write")],
+    effect: Annotated[
+        list[str] | None,
+        Parameter(help="NAME[:joint[:key=value,...]], what the model does not say; repeatable", negative=()),
+    ] = None,
     periods: Annotated[int, Parameter(help="repetitions of the trajectory")] = 2,
     controller: Annotated[
         str, Parameter(help="pd or pd_with_model_feedforward")
     ] = "pd_with_model_feedforward",
     encoder_bits: Annotated[int, Parameter(help="counts a turn, 2**bits; 0 for an exact encoder")] = 17,
     torque_noise: Annotated[float, Parameter(help="white noise as a share of the torque limit")] = 0.01,
-    seed: Seed = None,
+    seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
     """Run the simulated robot along a trajectory and log it."""
-    from .run import simulate_model
+    from .simulate import simulate_model
+    from .simulation import ControllerOptions, SensorOptions, SimulationOptions
 
-    simulate_model(
-        model, trajectory, out, periods, controller, encoder_bits or None, torque_noise, seed or 0, jobs
+    options = SimulationOptions(
+        controller=ControllerOptions(kind=controller),
+        sensors=SensorOptions(
+            encoder_bits=encoder_bits,
+            slide_resolution=1e-6 if encoder_bits else 0.0,
+            torque_noise=torque_noise,
+        ),
+        physics_timestep=2e-4,
     )
+    simulate_model(model, trajectory, out, periods, options, effect or (), seed, jobs)
 
 
 @app.command
@@ -92,6 +145,9 @@ def identify(
         Parameter(help="logs that are predicted, not fitted", consume_multiple=True, negative=()),
     ] = None,
     estimator: Annotated[str, Parameter(help="see testbench list")] = "wls",
+    identification_model: Annotated[
+        str, Parameter(help="equations to fit, see models in testbench list")
+    ] = "inverse_dynamic",
     differentiation: Annotated[str, Parameter(help="see testbench list")] = "rloess",
     parameters: Annotated[
         list[str] | None,
@@ -103,25 +159,103 @@ def identify(
     ] = None,
     cutoff: Annotated[float, Parameter(help="Hz, low-pass on torque and regressor")] = 20.0,
     dead_zone: Annotated[float, Parameter(help="rad/s; slower samples do not count")] = 0.05,
-    seed: Seed = None,
-    jobs: Jobs = None,
+    seed: Annotated[
+        int, Parameter(help="taken, as everywhere; nothing here is random", validator=_at_least(0, "--seed"))
+    ] = 0,
+    jobs: Annotated[
+        int | None,
+        Parameter(help="taken, as everywhere; the kernels use all cores", validator=_at_least(1, "--jobs")),
+    ] = None,
 ) -> None:
     """Identify a robot's base parameters from its logs and validate them on others."""
+    from identification.models import Preprocessing
+    from identification.parameters import GROUPS
+    from identification.pipeline import IdentificationOptions
+
     from .identify import identify_logs
 
-    identify_logs(model, logs, validate or [], out, estimator, differentiation, parameters, cutoff, dead_zone)
+    groups = tuple(GROUPS) if parameters is None else tuple(parameters)
+    preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
+    options = IdentificationOptions(estimator, groups, preprocessing)
+    identify_logs(model, logs, validate or [], out, options)
+
+
+@app.command
+def diagnose(
+    logs: Annotated[list[Path], Parameter(help="robot-log files", consume_multiple=True, negative=())],
+    /,
+    *,
+    model: Model,
+    out: Annotated[Path, Parameter(help="folder for diagnosis.json, corrected.xml and report.html")],
+    without: Annotated[
+        list[str] | None,
+        Parameter(help="effects to leave out of the catalogue", consume_multiple=True, negative=()),
+    ] = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+) -> None:
+    """Say why simulator and robot differ: where, which effect, how far it shrinks, what to do next."""
+    from diagnosis.job import diagnose_logs
+
+    diagnose_logs(model, logs, out, without or (), seed, jobs)
+
+
+@app.command
+def predict(
+    log: Annotated[Path, Parameter(help="robot-log whose motion to predict along")],
+    /,
+    *,
+    diagnosis: Annotated[Path, Parameter(help="folder that diagnose has written")],
+    out: Annotated[Path, Parameter(help="HDF5 to write")],
+) -> None:
+    """Predict the torque along a log's motion by the corrected model; the log's torque is not read."""
+    from diagnosis.predict import predict as predict_torque
+
+    predict_torque(diagnosis, log, out)
 
 
 @app.command(name="list")
-def list_names(*, json: Annotated[bool, Parameter(help="for machines")] = False) -> None:
+def list_names(*, json: Annotated[bool, Parameter(help="for machines", negative=())] = False) -> None:
     """What can be chosen: models, estimators, differentiation, trajectories, criteria, effects."""
     from .catalogue import print_catalogue
 
     print_catalogue(json)
 
 
+effects = App(name="effects", help="Effects that a model leaves out: put them into MJCF, or document them.")
+app.command(effects)
+
+
+@effects.command(name="write")
+def write_effects(
+    *,
+    model: Model,
+    effect: Annotated[list[str], Parameter(help="NAME[:joint[:key=value,...]]; repeatable", negative=())],
+    out: Annotated[Path, Parameter(help="MJCF to write")],
+) -> None:
+    """Write a model that plain MuJoCo runs with the effects; says what MJCF cannot carry."""
+    from .effects_page import write_effects_model
+
+    for sentence in write_effects_model(model, effect, out):
+        print(sentence)
+
+
+@effects.command
+def page(
+    *,
+    model: Model,
+    out: Annotated[Path, Parameter(help="Markdown to write; pictures go to the folder of its name")],
+    joint: Annotated[int, Parameter(help="number from 1 of the joint that is shown")] = 2,
+    jobs: Jobs = None,
+) -> None:
+    """Simulate every effect and write the catalogue's page with measured pictures."""
+    from .effects_page import write_effects_page
+
+    write_effects_page(model, out, joint, jobs)
+
+
 @app.command
-def view(directory: Annotated[Path, Parameter(help="folder that run has written")]) -> None:
+def view(directory: Annotated[Path, Parameter(help="folder that run has written")], /) -> None:
     """Open a recorded Rerun session."""
     from .view import view as open_session
 
@@ -134,12 +268,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
-        _complain(f"testbench: {' '.join(str(error).split())}")
+        _complain(str(_usage(error)))
     except InputError as error:
         _complain(str(error))
     except KeyboardInterrupt:
         print("testbench: interrupted; what was finished is kept", file=sys.stderr)
         sys.exit(130)
+
+
+def _usage(error: CycloptsError) -> InputError:
+    """A fault of the arguments in the form of every other fault."""
+    if isinstance(error, UnknownCommandError):
+        names = sorted(name for name in app if not name.startswith("-"))
+        return InputError("testbench", "command", "a command", repr((error.unused_tokens or [""])[0]), names)
+    if isinstance(error, UnknownOptionError):
+        got = error.token.keyword or error.token.value
+        return InputError("testbench", "option", "an option that --help shows", got)
+    if isinstance(error, CoercionError) and error.token is not None:
+        expected = NUMBERS.get(error.target_type, "a valid value")
+        return InputError("testbench", error.token.keyword or "argument", expected, repr(error.token.value))
+    if isinstance(error, MissingArgumentError) and error.argument is not None:
+        return InputError("testbench", error.keyword or error.argument.name, "a value", "none")
+    return InputError("testbench", "arguments", "what --help shows", str(error))
 
 
 def _complain(line: str) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from identification.errors import InputError
+
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
@@ -22,3 +24,18 @@ def replacing(path: str | Path) -> Iterator[Path]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def require_writable(path: str | Path) -> None:
+    """Raise InputError unless a file can be written at ``path``, its folders made where they lack.
+
+    Nothing is made: this is asked before long work starts.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(path, "out", "a file to write", "a folder")
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    if not folder.is_dir():
+        raise InputError(path, "out", "a path below a folder", f"the file {folder}")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(path, "out", "a folder that may be written to", f"{folder}, which may not")

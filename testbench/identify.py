@@ -7,12 +7,14 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from identification.errors import InputError
-from identification.models import Preprocessing
-from identification.parameters import GROUPS
+from identification.filtering import require_cutoff
+from identification.observations import POSITION_BAND
 from identification.pipeline import IdentificationOptions, identify
 from identification.signals import Motion
 
+from .closed_loop import recorded_loops
 from .estimate_file import write_estimate
+from .files import require_writable
 from .log import Recording, check_joints, read_log
 from .report import write_report
 from .results import IdentificationResult
@@ -28,32 +30,25 @@ def identify_logs(
     logs: Sequence[Path],
     validation_logs: Sequence[Path],
     out: Path,
-    estimator: str,
-    differentiation: str,
-    parameters: Sequence[str] | None,
-    cutoff: float,
-    dead_zone: float,
+    options: IdentificationOptions,
 ) -> IdentificationResult:
     """Identify the logs, write DIR/estimate.json and DIR/report.html, print the summary.
 
-    parameters: groups of standard parameters, all when None. Raises InputError.
+    Raises InputError.
     """
+    require_writable(out / "estimate.json")
     robot = load_robot(model)
-    if not dead_zone >= 0:
-        raise InputError("identify", "dead-zone", "0 or more, rad/s", dead_zone)
-    options = IdentificationOptions(
-        estimator=estimator,
-        groups=tuple(GROUPS) if parameters is None else tuple(parameters),
-        preprocessing=Preprocessing(cutoff, differentiation, dead_zone),
-    )
-    fitted = [_read(path, robot) for path in logs]
-    validated = [_read(path, robot) for path in validation_logs]
-    result = identify_recordings(
-        robot,
-        dict(zip(_run_names(logs), fitted, strict=True)),
-        dict(zip(_run_names(validation_logs), validated, strict=True)),
-        options,
-    )
+    fitted = [_read(path, robot, options) for path in logs]
+    validated = [_read(path, robot, options) for path in validation_logs]
+    try:
+        result = identify_recordings(
+            robot,
+            dict(zip(run_names(logs), fitted, strict=True)),
+            dict(zip(run_names(validation_logs), validated, strict=True)),
+            options,
+        )
+    except InputError as error:
+        raise error.located(", ".join(map(str, logs))) if error.source == "logs" else error from None
     write_estimate(result, out / "estimate.json")
     write_report(result, out / "report.html")
     print_summary(result)
@@ -73,6 +68,7 @@ def identify_recordings(
         {name: motion(recording) for name, recording in fitted.items()},
         {name: motion(recording) for name, recording in validated.items()},
         options,
+        recorded_loops(robot, tuple(fitted.values())),
     )
     return IdentificationResult(
         robot, estimate, fits, validations, tuple(fitted.values()), tuple(validated.values())
@@ -92,16 +88,20 @@ def motion(recording: Recording) -> Motion:
     return Motion(position, torque, rate)
 
 
-def _read(path: Path, robot: Robot) -> Recording:
+def _read(path: Path, robot: Robot, options: IdentificationOptions) -> Recording:
+    """A log that is the robot's and long enough to filter."""
     recording = read_log(path)
+    rate = recording.sample_rate
     try:
         check_joints(recording, robot.joint_names)
+        cutoff = POSITION_BAND * options.preprocessing.at(rate).cutoff
+        require_cutoff(cutoff, rate, len(recording.time))
     except InputError as error:
         raise error.located(path) from None
     return recording
 
 
-def _run_names(paths: Sequence[Path]) -> list[str]:
+def run_names(paths: Sequence[Path]) -> list[str]:
     """File stems, or whole paths where stems repeat."""
     stems = [path.stem for path in paths]
     return [stem if stems.count(stem) == 1 else str(path) for stem, path in zip(stems, paths, strict=True)]

@@ -32,7 +32,7 @@ def write_model(robot: Robot, standard: Array, path: str | Path) -> None:
     for joint in range(robot.joints - 1):
         if model.jnt_bodyid[joint] == model.jnt_bodyid[joint + 1] and np.any(table[joint, :INERTIAL] != 0):
             raise InputError(path, robot.joint_names[joint], "no inertia between joints of one body", "some")
-    root = ElementTree.fromstring(_as_mjcf(robot.path, path.parent))
+    root = _as_mjcf(robot.path, path.parent)
     joint = -1
     for body in root.iterfind("./worldbody//body"):
         own = _own_joints(body)
@@ -55,21 +55,23 @@ def write_model(robot: Robot, standard: Array, path: str | Path) -> None:
             raise InputError(path, "model", "parameters that MuJoCo accepts", str(error)) from None
 
 
-def _as_mjcf(source: Path, folder: Path) -> str:
-    """The model as one MJCF text, every body with an explicit inertia, assets found from ``folder``."""
+def _as_mjcf(source: Path, folder: Path) -> ElementTree.Element:
+    """The model as one MJCF tree whose explicit inertias count and whose assets are found from ``folder``."""
     spec = mujoco.MjSpec.from_file(str(source))
-    compiler = spec.compiler
-    for kind in ("meshdir", "texturedir"):
-        if spec.meshes or spec.textures or spec.hfields:
-            own = source.parent.resolve() / getattr(compiler, kind)
-            setattr(compiler, kind, os.path.relpath(own, folder.resolve()))
     spec.compile()
+    own = spec.compiler
+    folders = {kind: source.parent.resolve() / getattr(own, kind) for kind in ("meshdir", "texturedir")}
     # What rescales or replaces the written inertias is switched off.
-    compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
-    compiler.settotalmass = -1
-    compiler.boundmass = compiler.boundinertia = 0
-    compiler.balanceinertia = 0
-    return spec.to_xml()
+    own.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    own.settotalmass = -1
+    own.boundmass = own.boundinertia = 0
+    own.balanceinertia = 0
+    root = ElementTree.fromstring(spec.to_xml())
+    compiler = root.find("compiler")
+    if root.find("asset//*[@file]") is not None and compiler is not None:
+        for kind, path in folders.items():
+            compiler.set(kind, os.path.relpath(path, folder.resolve()))
+    return root
 
 
 def _own_joints(element: ElementTree.Element) -> list[ElementTree.Element]:

@@ -98,8 +98,8 @@ def _log_scene(stream: rr.RecordingStream, run: _Run, result: IdentificationResu
     model = result.robot.model
     stream.log(run.root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     log_floor(stream, f"{run.root}/floor", model)
-    every = _stride(run.recording.sample_rate, POSE_RATE)
-    time = _time_column(run.recording.time[::every] - run.recording.time[0])
+    every = stride(run.recording.sample_rate, POSE_RATE)
+    time = time_column(run.recording.time[::every] - run.recording.time[0])
     for name, q, colour, width in (
         ("measured", run.recording.position, MEASURED, 0.004),
         ("reference", run.recording.reference_position, REFERENCE, 0.002),
@@ -116,9 +116,9 @@ def _log_scene(stream: rr.RecordingStream, run: _Run, result: IdentificationResu
 def _log_joints(stream: rr.RecordingStream, run: _Run, result: IdentificationResult) -> None:
     """Position, torque and residual of every joint."""
     recording, fit = run.recording, run.fit
-    every = _stride(recording.sample_rate, PLOT_RATE)
+    every = stride(recording.sample_rate, PLOT_RATE)
     time = recording.time[::every] - recording.time[0]
-    fit_every = _stride(1 / float(np.median(np.diff(fit.time))), PLOT_RATE)
+    fit_every = stride(1 / float(np.median(np.diff(fit.time))), PLOT_RATE)
     fit_time = fit.time[::fit_every]
     floor = None if result.comparison is None else result.comparison.noise_floor
     units = zip(result.robot.units(), result.robot.chain.is_slide, strict=True)
@@ -126,7 +126,7 @@ def _log_joints(stream: rr.RecordingStream, run: _Run, result: IdentificationRes
         name = result.robot.joint_names[joint]
         root = _joint_path(run, name)
         length = "m" if slide else "rad"
-        _series(
+        log_series(
             stream,
             f"{root}/position/measured",
             f"measured [{length}]",
@@ -136,23 +136,27 @@ def _log_joints(stream: rr.RecordingStream, run: _Run, result: IdentificationRes
         )
         if recording.reference_position is not None:
             reference = recording.reference_position[::every, joint]
-            _series(stream, f"{root}/position/reference", f"reference [{length}]", REFERENCE, time, reference)
+            log_series(
+                stream, f"{root}/position/reference", f"reference [{length}]", REFERENCE, time, reference
+            )
         measured, predicted = fit.measured[::fit_every, joint], fit.predicted[::fit_every, joint]
-        _series(stream, f"{root}/torque/measured", f"measured [{unit}]", MEASURED, fit_time, measured)
-        _series(stream, f"{root}/torque/predicted", f"predicted [{unit}]", PREDICTED, fit_time, predicted)
+        log_series(stream, f"{root}/torque/measured", f"measured [{unit}]", MEASURED, fit_time, measured)
+        log_series(stream, f"{root}/torque/predicted", f"predicted [{unit}]", PREDICTED, fit_time, predicted)
         colour = JOINT_COLOURS[joint % len(JOINT_COLOURS)]
         # Samples at rest do not count; NaN marks them here.
         residual = np.where(fit.used[::fit_every, joint], measured - predicted, np.nan)
-        _series(stream, f"{root}/residual/residual", f"{name} residual [{unit}]", colour, fit_time, residual)
+        log_series(
+            stream, f"{root}/residual/residual", f"{name} residual [{unit}]", colour, fit_time, residual
+        )
         if floor is not None:
             ends = fit_time[[0, -1]]
             for side, sign in (("upper", 2.0), ("lower", -2.0)):
                 level = np.full(2, sign * floor[joint])
                 legend = f"{'+' if sign > 0 else '−'}2 × noise floor [{unit}]"
-                _series(stream, f"{root}/residual/floor_{side}", legend, FLOOR, ends, level)
+                log_series(stream, f"{root}/residual/floor_{side}", legend, FLOOR, ends, level)
 
 
-def _series(
+def log_series(
     stream: rr.RecordingStream, path: str, name: str, colour: tuple[int, int, int], time: Array, values: Array
 ) -> None:
     """One line of a plot, with gaps where values are NaN."""
@@ -161,15 +165,16 @@ def _series(
     # A row without a value leaves the gap: unlike NaN, it compares equal to itself in "rerun rrd compare".
     known = np.isfinite(values)
     rows = rr.Scalars.columns(scalars=values[known]).partition(known.astype(np.int64))
-    stream.send_columns(path, [_time_column(time)], rows)
+    stream.send_columns(path, [time_column(time)], rows)
 
 
-def _time_column(time: Array) -> rr.TimeColumn:
+def time_column(time: Array) -> rr.TimeColumn:
+    """Seconds (N,) as rows of the timeline."""
     # Rounded here, since Rerun cuts off what is below a nanosecond.
     return rr.TimeColumn(TIMELINE, duration=np.round(1e9 * time).astype("timedelta64[ns]"))
 
 
-def _stride(rate: float, wanted: float) -> int:
+def stride(rate: float, wanted: float) -> int:
     """Every how many samples to show, so that no more than about ``wanted`` a second are left."""
     return max(1, round(rate / wanted))
 

@@ -70,6 +70,7 @@ def load_robot(path: str | Path) -> Robot:
     if not path.is_file():
         raise InputError(path, "model", "an existing MJCF or URDF file", "no such file")
     try:
+        _leave_no_log_file()
         model = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(path, "model", "XML that MuJoCo loads", str(error)) from None
@@ -80,6 +81,13 @@ def load_robot(path: str | Path) -> Robot:
         raise error.located(path) from None
     name = model.names[: model.names.index(b"\0")].decode() or path.stem
     return Robot(name, path, model, chain, parameters, limits)
+
+
+def _leave_no_log_file() -> None:
+    """Keep MuJoCo's warnings on stderr alone; it would also write MUJOCO_LOG.TXT where the user stands."""
+    config = mujoco.MjLogConfig.get()
+    config.logto_file = False
+    mujoco.MjLogConfig.set(config)
 
 
 def _limits(model: mujoco.MjModel) -> Limits:
@@ -104,7 +112,9 @@ def _numeric(model: mujoco.MjModel, name: str, n: int) -> Array:
     start, size = model.numeric_adr[index], model.numeric_size[index]
     values = np.array(model.numeric_data[start : start + size])
     if size != n or not np.all(values > 0):
-        raise InputError("model", f"custom numeric {name}", f"{n} positive values, one a joint", values.tolist())
+        raise InputError(
+            "model", f"custom numeric {name}", f"{n} positive values, one a joint", values.tolist()
+        )
     return values
 
 

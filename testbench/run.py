@@ -1,25 +1,31 @@
-"""The jobs behind ``run``, ``excite`` and ``simulate``: scenario in, results folder out."""
+"""The job behind ``run``: scenario in, results folder out."""
 
 import dataclasses
-import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from identification.differentiation import differentiation_methods
 from identification.errors import InputError
 from identification.estimators import estimators
-from identification.excitation.design import DesignOptions, DesignProgress, design_excitation, random_excitation
+from identification.excitation.design import DesignOptions, random_excitation
 from identification.excitation.excitation import Excitation
-from identification.models import Preprocessing
+from identification.models import Preprocessing, identification_models
+from identification.parameters import GROUPS
 from identification.pipeline import IdentificationOptions
 
+from .background import background
 from .clearance import robot_clearance
 from .comparison import compare_with_truth
+from .effects import injection
 from .estimate_file import write_estimate
-from .excitation_file import excitation_document, read_trajectory, write_excitation
+from .excitation_file import excitation_document, write_excitation
+from .excite import CLEARANCE, design
+from .files import require_writable
 from .identify import identify_recordings
 from .log import Recording, write_log
+from .model_error import ModelError, nominal_model
 from .progress import Step, steps
 from .recording import write_session
 from .report import write_report
@@ -29,11 +35,12 @@ from .scenario import Scenario, load_scenario
 from .simulation import ControllerOptions, SensorOptions, SimulationOptions, sample_reference, simulate
 from .summary import print_summary
 
-# Collision geoms are snug: what lies between them and the exterior, and the tracking error.
-CLEARANCE = 0.03
-
 # Streams drawn from a scenario's seed.
-DESIGN, VALIDATION, NOISE = range(3)
+STREAMS = 5
+DESIGN, VALIDATION, NOISE, BACKGROUND, MODEL_ERROR = range(STREAMS)
+
+# Motions by what they follow from: variants that change nothing of it share one design.
+Designs = dict[tuple[object, ...], tuple[Excitation, tuple[Excitation, ...]]]
 
 
 def run_scenario(
@@ -50,41 +57,80 @@ def run_scenario(
     if seed is not None:
         plans = {place: plan.model_copy(update={"seed": seed}) for place, plan in plans.items()}
     robots = {place: _robot(plan, path) for place, plan in plans.items()}
-    results = [_run_plan(plan, robots[place], place, path.name, jobs) for place, plan in plans.items()]
+    require_writable(folder / "excitation.json")
+    designs: Designs = {}
+    results = [
+        _run_plan(plan, robots[place], place, path.name, jobs, designs) for place, plan in plans.items()
+    ]
     return results[0]
 
 
 def _robot(scenario: Scenario, path: Path) -> Robot:
     """The scenario's robot, with everything checked that can be before work starts."""
-    known = estimators()
-    if scenario.identification.estimator not in known:
-        got = repr(scenario.identification.estimator)
-        raise InputError(path, "identification.estimator", "an estimator", got, sorted(known))
-    return load_robot(scenario.model)
+    section = scenario.identification
+    for field, names, known in (
+        ("model", (section.model,), identification_models()),
+        ("estimator", (section.estimator,), estimators()),
+        ("differentiation", (section.differentiation,), differentiation_methods()),
+        ("parameters", section.parameters, GROUPS),
+    ):
+        for name in names:
+            if name not in known:
+                raise InputError(path, f"identification.{field}", "a known name", repr(name), sorted(known))
+    if not section.parameters:
+        raise InputError(path, "identification.parameters", "at least one group", "none", GROUPS)
+    robot = load_robot(scenario.model)
+    try:
+        simulation_options(scenario, robot)
+    except InputError as error:
+        raise error.located(path) from None
+    return robot
 
 
-def _run_plan(scenario: Scenario, robot: Robot, folder: Path, source: str, jobs: int | None) -> IdentificationResult:
-    streams = np.random.SeedSequence(scenario.seed).spawn(3)
+def _run_plan(
+    scenario: Scenario, robot: Robot, folder: Path, source: str, jobs: int | None, designs: Designs
+) -> IdentificationResult:
+    noise = _streams(scenario)[NOISE]
     with steps() as progress:
         with progress.step(f"{scenario.name}: design") as step:
-            excitation = _design(scenario, robot, _integer(streams[DESIGN]), jobs, step)
-            validations = [
-                _validation(scenario, robot, _integer(stream))
-                for stream in streams[VALIDATION].spawn(scenario.validation.runs)
-            ]
+            follows_from = (
+                scenario.model,
+                scenario.seed,
+                scenario.excitation,
+                scenario.validation,
+                scenario.identification.parameters,
+            )
+            if follows_from not in designs:
+                designs[follows_from] = _motions(scenario, robot, jobs, step)
+            excitation, validations = designs[follows_from]
         write_excitation(excitation, folder / "excitation.json")
         with progress.step(f"{scenario.name}: simulate"):
-            fitted, validated = _simulate(scenario, robot, excitation, validations, streams[NOISE], source, jobs)
+            nominal = _nominal(scenario, robot, folder)
+            fitted, validated = _simulate(
+                scenario, robot, nominal, excitation, validations, noise, source, jobs
+            )
         for name, recording in (fitted | validated).items():
             write_log(recording, folder / f"{name}.h5")
         with progress.step(f"{scenario.name}: identify"):
-            result = _identified(scenario, robot, fitted, validated)
+            sensors = simulation_options(scenario, robot).sensors
+            result = _identified(scenario, nominal, sensors, fitted, validated)
         with progress.step(f"{scenario.name}: report"):
             write_estimate(result, folder / "estimate.json")
             write_report(result, folder / "report.html", excitation_document(excitation))
             write_session(result, folder / "session.rrd")
+    print(f"{scenario.name}: {folder}")
     print_summary(result)
     return result
+
+
+def _motions(
+    scenario: Scenario, robot: Robot, jobs: int | None, step: Step
+) -> tuple[Excitation, tuple[Excitation, ...]]:
+    """The motion to fit, and those to validate on."""
+    streams = _streams(scenario)
+    excitation = _design(scenario, robot, _integer(streams[DESIGN]), jobs, step)
+    others = streams[VALIDATION].spawn(scenario.validation.runs)
+    return excitation, tuple(_validation(scenario, robot, _integer(stream)) for stream in others)
 
 
 def _design(scenario: Scenario, robot: Robot, seed: int, jobs: int | None, step: Step) -> Excitation:
@@ -98,29 +144,7 @@ def _design(scenario: Scenario, robot: Robot, seed: int, jobs: int | None, step:
         limit_share=section.limit_share,
         seed=seed,
     )
-    return _designed(robot, section.criterion, options, jobs, step)
-
-
-def _designed(robot: Robot, criterion: str, options: DesignOptions, jobs: int | None, step: Step) -> Excitation:
-    done: dict[int, int] = {}
-
-    def report(now: DesignProgress) -> None:
-        done[now.start] = now.iteration
-        step.update(sum(done.values()), now.starts * now.iterations, f"{criterion} {now.value:.2f}")
-
-    try:
-        return design_excitation(
-            robot.chain,
-            robot.parameters,
-            robot.limits,
-            criterion,
-            options,
-            robot_clearance(robot, CLEARANCE),
-            report,
-            jobs,
-        )
-    except InputError as error:
-        raise error.located(robot.path) from None
+    return design(robot, section.criterion, options, jobs, step)
 
 
 def _validation(scenario: Scenario, robot: Robot, seed: int) -> Excitation:
@@ -138,8 +162,9 @@ def _validation(scenario: Scenario, robot: Robot, seed: int) -> Excitation:
 def _simulate(
     scenario: Scenario,
     robot: Robot,
+    nominal: Robot,
     excitation: Excitation,
-    validations: list[Excitation],
+    validations: Sequence[Excitation],
     stream: np.random.SeedSequence,
     source: str,
     jobs: int | None,
@@ -152,6 +177,7 @@ def _simulate(
         robot,
         references,
         simulation_options(scenario, robot),
+        nominal=nominal,
         seed=stream.spawn(len(references)),
         threads=jobs,
     )
@@ -163,116 +189,79 @@ def _simulate(
     return {"fit": recordings[0]}, dict(zip(names, recordings[1:], strict=True))
 
 
+def _nominal(scenario: Scenario, robot: Robot, folder: Path) -> Robot:
+    """The model that the controller knows: the robot's, or one drawn around it and written to the folder."""
+    scale = scenario.model_error.scale
+    if scale == 0:
+        return robot
+    stream = _streams(scenario)[MODEL_ERROR]
+    return nominal_model(robot, ModelError().scaled(scale), stream, folder / "nominal.xml")
+
+
 def simulation_options(scenario: Scenario, robot: Robot) -> SimulationOptions:
-    """The simulation's options that a scenario asks for."""
-    noise, simulation = scenario.noise, scenario.simulation
-    bits = noise.encoder_bits or 0
-    bias = noise.torque_bias * robot.limits.torque if noise.torque_bias else 0.0
+    """The simulation's options that a scenario asks for. Raises InputError for an impossible effect."""
+    simulation = scenario.simulation
+    effects = tuple(
+        injection(robot, each.effect, each.joint, each.values, each.law, each.into)
+        for each in scenario.effects
+    )
+    sensors = _sensors(scenario, robot)
+    if scenario.background.scale > 0:
+        healthy = background(robot, _streams(scenario)[BACKGROUND], scenario.background.scale)
+        effects, sensors = effects + healthy.effects, healthy.sensors
     return SimulationOptions(
         controller=ControllerOptions(kind=simulation.controller, rate=simulation.control_rate),
-        sensors=SensorOptions(
-            encoder_bits=bits,
-            slide_resolution=noise.slide_resolution,
-            position_noise=noise.position,
-            torque_noise=noise.torque,
-            torque_correlation_time=noise.torque_correlation_time,
-            torque_bias=bias,
-            torque_delay=noise.torque_delay,
-        ),
+        sensors=sensors,
         physics_timestep=simulation.physics_timestep,
+        effects=effects,
+    )
+
+
+def _sensors(scenario: Scenario, robot: Robot) -> SensorOptions:
+    noise = scenario.noise
+    return SensorOptions(
+        encoder_bits=noise.encoder_bits or 0,
+        slide_resolution=noise.slide_resolution,
+        position_noise=noise.position,
+        torque_noise=noise.torque,
+        torque_correlation_time=noise.torque_correlation_time,
+        torque_bias=noise.torque_bias * robot.limits.torque if noise.torque_bias else 0.0,
+        torque_delay=noise.torque_delay,
     )
 
 
 def _identified(
-    scenario: Scenario, robot: Robot, fitted: dict[str, Recording], validated: dict[str, Recording]
+    scenario: Scenario,
+    nominal: Robot,
+    sensors: SensorOptions,
+    fitted: dict[str, Recording],
+    validated: dict[str, Recording],
 ) -> IdentificationResult:
     section = scenario.identification
-    preprocessing = Preprocessing(section.cutoff, section.differentiation, section.dead_zone)
+    preprocessing = Preprocessing(section.cutoff, section.differentiation, section.dead_zone, section.model)
     options = IdentificationOptions(section.estimator, section.parameters, preprocessing)
-    result = identify_recordings(robot, fitted, validated, options)
-    pole = 0.0
-    if scenario.noise.torque_correlation_time > 0:
-        pole = float(np.exp(-1 / (scenario.simulation.control_rate * scenario.noise.torque_correlation_time)))
+    result = identify_recordings(nominal, fitted, validated, options)
+    pole, correlation = 0.0, float(np.mean(np.asarray(sensors.torque_correlation_time, dtype=float)))
+    if correlation > 0:
+        pole = float(np.exp(-1 / (scenario.simulation.control_rate * correlation)))
+    noise = np.broadcast_to(sensors.torque_noise, (nominal.joints,))
     comparison = compare_with_truth(
-        robot.chain,
+        nominal.chain,
         result.estimate,
         tuple(fitted.values()),
-        scenario.noise.torque * robot.limits.torque,
+        # A joint without a torque limit has no noise to scale with it.
+        np.where(noise > 0, noise, 0.0) * np.where(noise > 0, nominal.limits.torque, 0.0),
         pole,
         preprocessing,
     )
     return dataclasses.replace(result, comparison=comparison)
 
 
+def _streams(scenario: Scenario) -> list[np.random.SeedSequence]:
+    """One stream for each thing that is drawn."""
+    return np.random.SeedSequence(scenario.seed).spawn(STREAMS)
+
+
 def _integer(stream: np.random.SeedSequence) -> int:
     """A seed for what takes an integer."""
     return int(stream.generate_state(1)[0])
-
-
-def excite_model(
-    model: Path,
-    out: Path,
-    criterion: str,
-    harmonics: int,
-    base_frequency: float,
-    starts: int,
-    limit_share: float,
-    seed: int,
-    jobs: int | None,
-) -> Excitation:
-    """Design an excitation for a model and write it to ``out`` as JSON. Raises InputError."""
-    robot = load_robot(model)
-    options = DesignOptions(
-        harmonics=harmonics, base_frequency=base_frequency, starts=starts, limit_share=limit_share, seed=seed
-    )
-    with steps() as progress, progress.step("design") as step:
-        excitation = _designed(robot, criterion, options, jobs, step)
-    write_excitation(excitation, out)
-    print(json.dumps(_headline(excitation)))
-    return excitation
-
-
-def _headline(excitation: Excitation) -> dict[str, Any]:
-    values = excitation.values
-    return {
-        "hadamard": round(values.hadamard, 3),
-        "logdet": round(values.logdet, 3),
-        "condition_number": round(values.condition_number, 2),
-        "slack": round(values.slack, 3),
-        "limits_kept": excitation.margins.kept,
-    }
-
-
-def simulate_model(
-    model: Path,
-    trajectory: Path,
-    out: Path,
-    periods: int,
-    controller: str,
-    encoder_bits: int | None,
-    torque_noise: float,
-    seed: int,
-    jobs: int | None,
-) -> Recording:
-    """Drive a model along a trajectory file and write the robot-log to ``out``. Raises InputError."""
-    robot = load_robot(model)
-    joint_names, motion = read_trajectory(trajectory)
-    if joint_names != robot.joint_names:
-        expected = f"the model's joints {', '.join(robot.joint_names)}"
-        raise InputError(trajectory, "joint_names", expected, ", ".join(joint_names))
-    options = SimulationOptions(
-        controller=ControllerOptions(kind=controller),
-        sensors=SensorOptions(
-            encoder_bits=encoder_bits or 0,
-            slide_resolution=1e-6 if encoder_bits else 0.0,
-            torque_noise=torque_noise,
-        ),
-        physics_timestep=2e-4,
-    )
-    reference = sample_reference(motion, options.controller.rate, periods)
-    with steps() as progress, progress.step("simulate"):
-        (recording,) = simulate(robot, [reference], options, seed=seed, threads=jobs)
-    told = {"trajectory": trajectory.name}
-    recording = dataclasses.replace(recording, provenance=recording.provenance | told)
-    write_log(recording, out)
-    return recording

@@ -7,7 +7,7 @@ Numbers are in SI units at the joint. A value may also be written with its unit,
 import copy
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -73,8 +73,9 @@ class NoiseSection(_Section):
     """What the sensors add.
 
     encoder_bits: counts a turn, 2**bits (null: exact). slide_resolution: m, of a slide joint's
-    encoder. position: white noise, rad (m). torque: white noise as a share of the torque limit. torque_correlation_time: s, 0 for white. torque_bias: as
-    a share of the torque limit. torque_delay: s that the torque channel lags the position.
+    encoder. position: white noise, rad (m). torque: standard deviation as a share of the torque
+    limit. torque_correlation_time: s, 0 for white. torque_bias: as a share of the torque limit.
+    torque_delay: s that the torque channel lags the position.
     """
 
     encoder_bits: Annotated[int, Field(ge=4, le=40)] | None = 17
@@ -89,11 +90,38 @@ class NoiseSection(_Section):
 class IdentificationSection(_Section):
     """How the logs become parameters; names as ``testbench list`` shows them."""
 
+    model: str = "inverse_dynamic"
     estimator: str = "wls"
     differentiation: str = "rloess"
     parameters: tuple[str, ...] = DEFAULT_GROUPS
     cutoff: Hertz = 20.0
     dead_zone: RadiansPerSecond = 0.05
+
+
+class EffectSection(_Section):
+    """One unmodelled effect of the simulated robot; names and parameters as in docs/effects.md.
+
+    joint, into: a joint's name, or its number from 1. law: null for the effect's first. values: SI;
+    what is left out is the middle of the typical range.
+    """
+
+    effect: str
+    joint: str | int | None = None
+    into: str | int | None = None
+    law: str | None = None
+    values: dict[str, float] = {}
+
+
+class BackgroundSection(_Section):
+    """Small imperfections of every joint, drawn by seed; they bring their own sensors. scale: 0 for none."""
+
+    scale: Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)] = 0.0
+
+
+class ModelErrorSection(_Section):
+    """A nominal model drawn around the robot's, which the controller knows. scale: of CAD's errors."""
+
+    scale: Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)] = 0.0
 
 
 class Scenario(_Section):
@@ -108,6 +136,9 @@ class Scenario(_Section):
     excitation: ExcitationSection = ExcitationSection()
     simulation: SimulationSection = SimulationSection()
     noise: NoiseSection = NoiseSection()
+    effects: tuple[EffectSection, ...] = ()
+    background: BackgroundSection = BackgroundSection()
+    model_error: ModelErrorSection = ModelErrorSection()
     validation: ValidationSection = ValidationSection()
     identification: IdentificationSection = IdentificationSection()
 
@@ -164,8 +195,9 @@ def _complaint(path: Path, prefix: str, error: ValidationError) -> InputError:
     field = prefix + ".".join(location)
     if fault["type"] == "extra_forbidden":
         section: Any = Scenario
-        for part in location[:-1]:
-            section = section.model_fields[part].annotation
+        for part in fault["loc"][:-1]:
+            # A number is a place in a list, whose annotation is tuple[section, ...].
+            section = get_args(section)[0] if isinstance(part, int) else section.model_fields[part].annotation
         return InputError(path, field, "a known field", repr(location[-1]), section.model_fields)
     if fault["type"] == "missing":
         return InputError(path, field, "a value", "nothing")

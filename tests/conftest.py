@@ -2,6 +2,10 @@ from pathlib import Path
 
 import pytest
 
+import identification  # BLAS stays on one thread only when this comes before numpy
+
+assert identification
+
 ROOT = Path(__file__).parents[1]
 
 

@@ -9,8 +9,10 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from identification.base_parameters import base_parameters
+from identification.chain import chain_from_model
 from identification.errors import InputError
 from identification.excitation.fourier import FourierSeries
+from identification.filtering import decimation_step, edge_samples, zero_phase_lowpass
 from identification.inverse_dynamics import inverse_dynamics
 from identification.regressor import regressor
 from testbench.effects import effect, injection
@@ -23,7 +25,7 @@ from testbench.log import Recording
 from testbench.robot import Robot, load_robot
 from testbench.simulation import SimulationOptions, sample_reference, simulate
 
-RATE, STEP_SIZE = 1000.0, 2e-4
+RATE, STEP_SIZE, CUTOFF = 1000.0, 2e-4, 20.0
 NAMES = (
     "torque_gain_error",
     "torque_delay",
@@ -236,7 +238,7 @@ def test_a_tilted_base_is_a_turned_first_body(arm, recordings):
     run = recordings["tilt"]
     missing = run.truth["torque"] - needed_torque(arm, spec, run)
     effect_size = run.truth["torque"] - needed_torque(arm, mujoco.MjSpec.from_file(str(arm.path)), run)
-    assert rms(effect_size) > 2
+    assert rms(effect_size) > 1
     assert rms(missing) < 0.01 * rms(effect_size)
 
 
@@ -285,7 +287,8 @@ def test_a_push_reaches_every_joint_through_the_jacobian(arm, recordings, law):
     expected = pushed(arm, run, law == "world_force")
     healthy = mujoco.MjSpec.from_file(str(arm.path))
     seen = needed_torque(arm, healthy, run) - run.truth["torque"]
-    assert np.abs(expected[:, :5]).max(axis=0).min() > 0.5
+    # The axis of joint 4 passes through the wrist, where the push has no lever.
+    assert np.abs(expected[:, [0, 1, 2, 4]]).max(axis=0).min() > 0.5
     assert not run.truth["effect_torque"][:790].any()
     assert rms(seen - expected) < 0.02 * rms(expected)
     if law == "link_force":
@@ -322,21 +325,29 @@ def torque(arm: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.nda
     return inverse_dynamics(arm.chain, arm.parameters, q, dq, ddq)
 
 
+def filtered(x: np.ndarray) -> np.ndarray:
+    """What identification makes of torque and regressor, (N, n, ...): low-passed, decimated, (K, ...)."""
+    low = zero_phase_lowpass(x, RATE, CUTOFF)
+    edge = edge_samples(RATE, CUTOFF)
+    kept = low[edge : len(x) - edge : decimation_step(RATE, CUTOFF)]
+    return kept.reshape(kept.shape[0] * kept.shape[1], -1)
+
+
 def base_space(run: Logged) -> np.ndarray:
-    """Orthonormal basis of what the base parameters can explain, (N n, b)."""
+    """Orthonormal basis of what the base parameters can explain, (K, b)."""
     columns = base_parameters(run.chain, ("inertial", "armature", "viscous", "coulomb", "offset")).columns
-    rows = regressor(run.chain, run.q, run.dq, run.ddq, columns)
-    return np.linalg.qr(rows.reshape(-1, len(columns)))[0]
+    return np.linalg.qr(filtered(regressor(run.chain, run.q, run.dq, run.ddq, columns)))[0]
 
 
 def explained(run: Logged, family: Family, change: np.ndarray, projected: bool = True) -> tuple[float, int]:
     """Largest share of a change of torque (N, n) that a member explains, and which member it is."""
-    basis = base_space(run) if projected else np.zeros((change.size, 1))
-    left = change.ravel() - basis @ (basis.T @ change.ravel())
+    basis = base_space(run) if projected else None
+    wanted = filtered(change)[:, 0]
+    left = wanted if basis is None else wanted - basis @ (basis.T @ wanted)
     shares = []
     for member in family.members:
-        columns = member.spread(0, run.joints).reshape(change.size, -1)
-        columns = columns - basis @ (basis.T @ columns)
+        columns = filtered(member.spread(0, run.joints))
+        columns = columns if basis is None else columns - basis @ (basis.T @ columns)
         found = np.linalg.lstsq(columns, left, rcond=1e-9)[0]
         shares.append(1 - np.sum((left - columns @ found) ** 2) / np.sum(left**2))
     return max(shares), int(np.argmax(shares))
@@ -345,8 +356,7 @@ def explained(run: Logged, family: Family, change: np.ndarray, projected: bool =
 def fitted(run: Logged, family: Family, change: np.ndarray, index: int = 0):
     """The contract's parameters of a member fitted to a change of torque, without the base parameters."""
     member = family.members[index]
-    columns = member.spread(0, run.joints).reshape(change.size, -1)
-    c = np.linalg.lstsq(columns, change.ravel(), rcond=1e-9)[0]
+    c = np.linalg.lstsq(filtered(member.spread(0, run.joints)), filtered(change)[:, 0], rcond=1e-9)[0]
     return family.parameters(member, c, 1e-6 * np.eye(len(c) + len(member.shape)))
 
 
@@ -403,15 +413,17 @@ def test_a_clipped_drive_is_explained(tmp_path):
         # The axis points along +y: gravity turns a positive x arm with +y.
         return [y[1], (drive - 2 * y[1] + 5 * 0.3 * 9.81 * np.cos(y[0])) / inertia]
 
-    time = np.arange(6000) / RATE
-    solution = solve_ivp(move, (0, 6), [0.5, 0], t_eval=time, rtol=1e-9, atol=1e-9, max_step=1e-3)
+    time = np.arange(3000) / RATE
+    solution = solve_ivp(move, (0, 3), [0.5, 0], t_eval=time, rtol=1e-8, atol=1e-8, max_step=5e-3)
     q, dq = solution.y[0][:, None], solution.y[1][:, None]
     ddq = np.array([move(t, y)[1] for t, y in zip(time, solution.y.T, strict=True)])[:, None]
     command = asked(time, q[:, 0], dq[:, 0])[:, None]
     true = np.clip(command, -25, 25)
     model = torque(robot, q, dq, ddq)
     np.testing.assert_allclose(model, true, atol=1e-6 * np.abs(true).max())
-    run = Logged(robot.chain, robot.parameters, robot.parameters, robot.limits, time, RATE, 20.0, q, dq, ddq, command)
+    run = Logged(
+        robot.chain, robot.parameters, robot.parameters, robot.limits, time, RATE, 20.0, q, dq, ddq, command
+    )
     family = effect("torque_saturation").signature([run], 0, None)
     share, _ = explained(run, family, command - true)
     assert share > 0.7
@@ -452,14 +464,9 @@ def test_a_payload_is_explained_and_told_in_the_bodys_frame(models):
     spec = mujoco.MjSpec.from_file(str(rail.path))
     body = spec.body(rail.model.body(int(rail.model.jnt_bodyid[-1])).name)
     body.add_body(mass=2.0, ipos=[0.05, -0.03, 0.2], inertia=[0.01] * 3, explicitinertial=True)
-    path = models / "rail_arm.xml"
-    loaded = spec.compile()
-    from identification.chain import chain_from_model
-
-    parameters = chain_from_model(loaded)[1]
+    parameters = chain_from_model(spec.compile())[1]
     rng = np.random.default_rng(2)
     q, dq, ddq = rng.uniform(-1, 1, (3, 400, rail.joints))
-    assert path.is_file()
     change = inverse_dynamics(rail.chain, parameters - rail.parameters, q, dq, ddq)
     rotation, origin = body_in_link(rail, rail.joints - 1)
     run = Logged(

@@ -105,13 +105,13 @@ def test_exact_signals_return_the_truth(exact_problem, robot, name):
     assert np.abs(found.values - truth).max() < 1e-6 * np.abs(truth).max()
 
 
-@pytest.mark.parametrize("name", ["ols", "wls", "irls"])
 @pytest.mark.parametrize("model", ["energy", "power"])
-def test_energy_and_power_balance_return_the_truth(robot, model, name):
+def test_energy_and_power_balance_return_the_truth(robot, model):
     problem = _exact_problem(robot, model)
-    found = estimate(problem, name)
-    truth = found.base.values(robot.parameters)
-    assert np.abs(found.values - truth).max() < 1e-3 * np.abs(truth).max()
+    truth = problem.base.values(robot.parameters)
+    for name in ("ols", "wls", "irls"):
+        found = estimate(problem, name)
+        assert np.abs(found.values - truth).max() < 1e-3 * np.abs(truth).max()
 
 
 @pytest.mark.parametrize("model", ["energy", "power"])
@@ -144,20 +144,19 @@ def test_encoder_noise_is_read_off_the_positions(robot):
 
 
 def test_noisy_encoders_bias_least_squares_and_not_errors_in_variables(tx90):
-    errors = {name: [] for name in ("ols", "tls", "maximum_likelihood")}
-    for seed in range(2):
-        problem = _noisy_problem(tx90, 10 * ENCODER, 0.01, seed)
-        for name, found in errors.items():
-            found.append(_prediction_error(tx90, estimate(problem, name)))
-    ordinary = np.mean(errors["ols"])
-    assert np.mean(errors["tls"]) < 0.5 * ordinary
-    assert np.mean(errors["maximum_likelihood"]) < 0.25 * ordinary
+    problem = _noisy_problem(tx90, 10 * ENCODER, 0.01)
+    error = {
+        name: _prediction_error(tx90, estimate(problem, name))
+        for name in ("ols", "tls", "maximum_likelihood")
+    }
+    assert error["tls"] < 0.5 * error["ols"]
+    assert error["maximum_likelihood"] < 0.25 * error["ols"]
 
 
 def test_quiet_encoders_cost_nothing(tx90):
     problem = _noisy_problem(tx90, ENCODER, 0.01)
     reference = _prediction_error(tx90, estimate(problem, "wls"))
-    for name in ("tls", "maximum_likelihood", "irls"):
+    for name in ("tls", "maximum_likelihood"):
         assert _prediction_error(tx90, estimate(problem, name)) < 1.25 * reference
 
 
@@ -193,13 +192,16 @@ def test_noise_shared_by_joints_is_weighed_jointly(small):
 def test_a_stream_reaches_the_batch_solution(small):
     problem = _noisy_problem(small, 10 * ENCODER, 0.01)
     online, batch = estimate(problem, "recursive_tls"), estimate(problem, "tls")
-    assert np.abs(online.values - batch.values).max() < 0.01 * batch.std.max()
+    assert np.abs(online.values - batch.values).max() < 0.01 * batch.std.min()
 
 
-def test_a_stream_says_nothing_before_it_has_enough_rows():
+def test_a_stream_says_nothing_before_every_parameter_is_excited():
     stream = RecursiveTotalLeastSquares(np.eye(3))
-    stream.update(np.array([[1.0, 2.0]]), np.array([3.0]))
+    for _ in range(9):
+        stream.update(np.array([[1.0, 2.0]]), np.array([3.0]))
     assert np.isnan(stream.values).all()
+    stream.update(np.array([[1.0, 0.0]]), np.array([1.0]))
+    assert stream.values == pytest.approx([1.0, 1.0])
 
 
 def test_a_forgetting_stream_follows_a_change():
@@ -237,7 +239,7 @@ def test_any_estimate_has_a_consistent_standard_vector(small):
     assert np.all(np.abs(found.base.values(standard) - found.values) < 3 * found.std)
 
 
-@pytest.mark.parametrize("name", ESTIMATORS)
+@pytest.mark.parametrize("name", ["irls", "maximum_likelihood", "physically_consistent"])
 def test_the_same_input_gives_the_same_bits(small, name):
     problem = _noisy_problem(small, 10 * ENCODER, 0.05)
     first, second = estimate(problem, name), estimate(replace(problem), name)

@@ -6,7 +6,7 @@ import pytest
 from identification.base_parameters import base_parameters
 from identification.covariance import variance_inflation
 from identification.errors import InputError
-from identification.estimators import estimate, estimators
+from identification.estimators import estimate
 from identification.models import Observations, Preprocessing, observe
 from identification.parameters import DEFAULT_GROUPS, GROUPS
 from identification.pipeline import IdentificationOptions, identify
@@ -51,7 +51,7 @@ def _exact_problem(robot, base, noise=None, seed=0):
     )
 
 
-@pytest.mark.parametrize("name", sorted(estimators()))
+@pytest.mark.parametrize("name", ["ols", "wls"])
 def test_exact_data_returns_the_truth(robot, name):
     base = base_parameters(robot.chain)
     problem = _exact_problem(robot, base)
@@ -108,7 +108,7 @@ def test_filtering_regressor_and_torque_alike_adds_no_bias(robot):
 
 
 def test_a_joint_that_rests_has_no_usable_friction_rows(robot):
-    q, dq, ddq = _wave(robot)
+    q, _, _ = _wave(robot)
     q[:, 2] = 0.3
     base = base_parameters(robot.chain)
     run = observe(robot.chain, base, Motion(q, np.zeros_like(q), RATE), Preprocessing())

@@ -18,6 +18,7 @@ from testbench.simulation import (
     SensorOptions,
     SimulationOptions,
     batch,
+    layout,
     sample_reference,
     simulate,
 )
@@ -97,10 +98,10 @@ NOISY = SensorOptions(encoder_bits=16, slide_resolution=1e-5, position_noise=1e-
 def pushed(robot: Robot, force: np.ndarray, timestep: float) -> np.ndarray:
     """Loop output of an uncontrolled robot pushed by a force (N, n) at 1 kHz."""
     samples, n = force.shape
-    constants = np.zeros((batch.CONSTANTS, n))
-    constants[batch.COULOMB], constants[batch.TORQUE_LIMIT] = robot.model.dof_frictionloss, np.inf
-    inputs = np.zeros((samples, batch.INPUTS, n))
-    inputs[:, batch.FEEDFORWARD] = force
+    constants = np.zeros((layout.CONSTANTS, n))
+    constants[layout.COULOMB], constants[layout.TORQUE_LIMIT] = robot.model.dof_frictionloss, np.inf
+    inputs = np.zeros((samples, layout.INPUTS, n))
+    inputs[:, layout.FEEDFORWARD] = force
     plant = plant_model(robot.model, timestep)
     loop = batch.Loop(plant, round(1e-3 / timestep), RATE, 0.0, constants, inputs, np.zeros(n), np.zeros(n))
     return batch.run_loops([loop], 1)[0]
@@ -125,7 +126,7 @@ def test_a_pushed_block_slides_and_stops_as_in_the_closed_form(block: Robot, tim
     force = np.zeros((1500, 1))
     force[: round(pushing * RATE)] = push
     output = pushed(block, force, timestep)
-    position, velocity = output[:, batch.POSITION, 0], output[:, batch.VELOCITY, 0]
+    position, velocity = output[:, layout.POSITION, 0], output[:, layout.VELOCITY, 0]
     top = (push - coulomb) / mass * pushing
     distance = top * pushing / 2 + top**2 / (2 * coulomb / mass)
     # Piecewise constant acceleration: velocity is exact, position a rectangle rule.
@@ -142,9 +143,9 @@ def test_a_pushed_block_slides_and_stops_as_in_the_closed_form(block: Robot, tim
 def test_a_block_pushed_with_less_than_its_friction_does_not_creep(block: Robot) -> None:
     force = 2.99 * np.sin(np.linspace(0, 30, 2000))[:, None]
     output = pushed(block, force, 1e-3)
-    assert np.abs(output[:, batch.POSITION]).max() < 1e-15
+    assert np.abs(output[:, layout.POSITION]).max() < 1e-15
     held = (force[:-1] + force[1:]) / 2
-    np.testing.assert_allclose(output[1:, batch.FRICTION], held, atol=1e-12)
+    np.testing.assert_allclose(output[1:, layout.FRICTION], held, atol=1e-12)
 
 
 def test_friction_of_a_coupled_arm_is_the_solution_found_by_trying_every_mode(arm: Robot) -> None:

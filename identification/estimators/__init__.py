@@ -16,17 +16,23 @@ Estimator = Callable[[Problem], Estimate]
 
 def estimators() -> Mapping[str, Estimator]:
     """Every estimator by name."""
-    names = [info.name for info in pkgutil.iter_modules(__path__)]
-    return {name: importlib.import_module(f"{__name__}.{name}").estimate for name in names}
+    return {name: _load(name) for name in _names()}
 
 
 def estimate(problem: Problem, estimator: str) -> Estimate:
-    """Estimate the base parameters of ``problem`` by the named estimator.
+    """Estimate the base parameters of ``problem`` by the named estimator; only that one is loaded.
 
     Raises InputError for an estimator that does not exist and for a motion that leaves some base
     parameter unexcited.
     """
-    known = estimators()
-    if estimator not in known:
-        raise InputError("identification", "estimator", "an estimator", repr(estimator), sorted(known))
-    return known[estimator](problem)
+    if estimator not in _names():
+        raise InputError("identification", "estimator", "an estimator", repr(estimator), _names())
+    return _load(estimator)(problem)
+
+
+def _names() -> list[str]:
+    return sorted(info.name for info in pkgutil.iter_modules(__path__))
+
+
+def _load(name: str) -> Estimator:
+    return importlib.import_module(f"{__name__}.{name}").estimate

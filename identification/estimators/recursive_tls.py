@@ -17,8 +17,11 @@ from .tls import row_noise
 
 Array = NDArray[np.float64]
 
-# Iterations after the last sample of a recording, so that the direction has settled.
-FINAL_STEPS = 5
+# Iterations after the last sample of a recording, until the direction has settled to this.
+FINAL_STEPS = 1000
+SETTLED = 1e-9
+# A column is new where this share of it is not in the columns before.
+SMALLEST_PIVOT = 1e-8
 
 
 class RecursiveTotalLeastSquares:
@@ -34,32 +37,39 @@ class RecursiveTotalLeastSquares:
         self._factor = np.zeros_like(noise)
         self._direction = np.zeros(len(noise))
         self._direction[-1] = -1.0
-        self._rows = 0
+        self._determined = False
 
     def update(self, rows: Array, torque: Array) -> None:
         """Take in one instant: rows (k, b) and torque (k,), divided by their noise if it differs."""
-        fresh = np.column_stack([rows, torque])
         self._factor *= np.sqrt(self._forgetting)
-        _absorb(self._factor, fresh)
-        self._rows += len(fresh)
-        if self._rows >= len(self._factor):
+        _absorb(self._factor, np.column_stack([rows, torque]))
+        if not self._determined:
+            pivots = np.abs(np.diag(self._factor))[:-1]
+            norms = np.linalg.norm(self._factor[:, :-1], axis=0)
+            self._determined = bool(np.all(pivots > SMALLEST_PIVOT * norms))
+        if self._determined:
             self.iterate()
 
-    def iterate(self) -> None:
-        """One inverse iteration z <- (R'R)^-1 C z, which turns z towards the smallest direction."""
-        diagonal = np.diag(self._factor)
-        smallest = np.finfo(float).eps * np.linalg.norm(self._factor, axis=0)
-        # What has not been excited yet would divide by zero.
-        lift = np.where(np.abs(diagonal) < smallest, smallest - diagonal, 0.0)
-        factor = self._factor + np.diag(lift + np.finfo(float).tiny)
+    def iterate(self) -> float:
+        """One inverse iteration z <- (R'R)^-1 C z, which turns z towards the smallest direction.
+
+        Returns how far the unit vector z has moved.
+        """
+        factor = self._factor.copy()
+        # Exact data leave no residual to divide by.
+        smallest = np.finfo(float).eps * np.linalg.norm(factor[:, -1])
+        factor[-1, -1] = max(abs(factor[-1, -1]), smallest)
         image = solve_triangular(factor, self._noise @ self._direction, trans="T", check_finite=False)
         direction = solve_triangular(factor, image, check_finite=False)
-        self._direction = direction / np.linalg.norm(direction)
+        direction /= np.linalg.norm(direction)
+        moved = float(np.linalg.norm(direction - self._direction))
+        self._direction = direction
+        return moved
 
     @property
     def values(self) -> Array:
-        """The estimate so far, (b,); NaN until there are as many rows as unknowns."""
-        if self._rows < len(self._factor):
+        """The estimate so far, (b,); NaN until what was seen has excited every parameter."""
+        if not self._determined:
             return np.full(len(self._factor) - 1, np.nan)
         return -self._direction[:-1] / self._direction[-1]
 
@@ -90,5 +100,6 @@ def estimate(problem: Problem) -> Estimate:
             scale = weights[used]
             stream.update(rows[used] * scale[:, None], torque[used] * scale)
     for _ in range(FINAL_STEPS):
-        stream.iterate()
+        if stream.iterate() < SETTLED:
+            break
     return problem.linear_estimate(stream.values, weights, "recursive_tls")

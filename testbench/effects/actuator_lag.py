@@ -84,9 +84,11 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     """The motor's activation as an exact first-order filter."""
     motor = drive(spec, robot, require_joint(DESCRIPTION.name, injection.joint, robot.joints))
-    if injection.values["time_constant"] > 0:
-        motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
-        motor.dynprm[0] = injection.values["time_constant"]
+    if injection.values["time_constant"] == 0:
+        return ()
+    motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+    motor.dynprm[0] = injection.values["time_constant"]
+    sentences = ["the activation starts at zero: set it to the torque that holds the arm"]
     if injection.law == "second_order":
-        return ("a motor has one activation: one stage of the whole time constant stands for both",)
-    return ()
+        sentences.append("a motor has one activation: one stage of the whole time constant stands for both")
+    return tuple(sentences)

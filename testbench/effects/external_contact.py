@@ -1,6 +1,6 @@
 """External contact: something pushes a link for a while."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -28,8 +28,8 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .logged import body_in_link
-from .mjcf_form import joint_element
-from .signature import Family, Logged, Member, Quantity, grid_family
+from .mjcf_form import drive, joint_element
+from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 
@@ -60,12 +60,15 @@ RAMP = 0.1
 # Where a link ends, if nothing follows it, m.
 SHORTEST_ARM = 0.1
 
-# A window of contact: smoothed over so long, s, the residual is so many times its usual size.
-SMOOTHING, THRESHOLD = 0.1, 4.0
+# A contact's window: smoothed over so long, s, the residual is so many times its usual size, which is
+# taken to be no less than this share of its largest.
+SMOOTHING, THRESHOLD, QUIETEST = 0.1, 4.0, 0.05
 SHORTEST, GAP = 0.05, 0.15
 # What covers more of a run than this is no event; the strongest so many windows a run are taken.
 LARGEST_SHARE, WINDOWS = 0.35, 3
-SINES = 3
+# How much longer than between its half heights a contact is: one with flanks, and a bell (half a sine).
+ABRUPT, BELL = 1.0, 1.5
+PROFILES = 2
 
 
 def push_point(chain: Chain, joint: int) -> tuple[Array, Array]:
@@ -172,33 +175,32 @@ def turn_and_shift(link, q, rotation):  # type: ignore[no-untyped-def]
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """Forces on the link in windows where the residual stands out, each a few half sines of time.
+    """Forces on the link in windows where the residual stands out: a profile of time, and one that leans.
 
-    The members differ in the force: at the end of the link turning with it, there but fixed in space,
-    or a torque of the joint alone. No window, no member.
+    The members differ in the force (``kind``: at the end of the link turning with it, there but fixed in
+    space, or a torque of the joint alone) and in the profile (``stretch``). No window, no member.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     windows = [_windows(run, joint) for run in runs]
-    kinds = (LINK_FORCE, WORLD_FORCE, JOINT_TORQUE) if any(windows) else ()
-    family = grid_family(
-        DESCRIPTION.name,
-        joint,
-        partial(_member, runs, joint, windows),
-        {"kind": kinds} if kinds else {"kind": (JOINT_TORQUE,)},
-        partial(_parameters, runs, joint, windows),
+    parameters = partial(_parameters, runs, joint, windows)
+    if not any(windows):
+        return Family(DESCRIPTION.name, joint, (), parameters)
+    members = tuple(
+        _member(runs, joint, windows, kind, stretch)
+        for kind in (LINK_FORCE, WORLD_FORCE, JOINT_TORQUE)
+        for stretch in (ABRUPT, BELL)
     )
-    return Family(family.effect, joint, family.members if kinds else (), family.parameters)
+    return Family(DESCRIPTION.name, joint, members, parameters)
 
 
 def _windows(run: Logged, joint: int) -> list[tuple[int, int]]:
     """First and last sample of each window, in time's order: where joints up to this one stand out."""
     width = max(int(SMOOTHING * run.sample_rate), 1)
     smooth = uniform_filter1d(run.residual[:, : joint + 1], width, axis=0)
-    centred = smooth - np.median(smooth, axis=0)
-    usual = np.median(np.abs(centred), axis=0) / 0.6745
-    level = np.abs(centred) / np.maximum(usual, np.finfo(float).tiny)
-    high = (level > THRESHOLD).any(axis=1)
-    edges = np.flatnonzero(np.diff(np.r_[0, high.astype(np.int8), 0]))
+    size = np.abs(smooth - np.median(smooth, axis=0))
+    usual = np.maximum(np.median(size, axis=0) / 0.6745, QUIETEST * size.max(axis=0))
+    level = (size / np.maximum(usual, np.finfo(float).tiny)).max(axis=1)
+    edges = np.flatnonzero(np.diff(np.r_[0, (level > THRESHOLD).astype(np.int8), 0]))
     found: list[list[int]] = []
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if found and first - found[-1][1] < GAP * run.sample_rate:
@@ -209,36 +211,48 @@ def _windows(run: Logged, joint: int) -> list[tuple[int, int]]:
     if sum(last - first for first, last in found) > LARGEST_SHARE * run.samples:
         return []
     found.sort(key=lambda window: -float(np.sum(level[window[0] : window[1]] ** 2)))
-    # The threshold cuts the flanks off.
-    return sorted((max(first - width, 0), min(last + width, run.samples)) for first, last in found[:WINDOWS])
+    halved = []
+    for first, last in sorted(found[:WINDOWS]):
+        inside = level[first:last]
+        high = np.flatnonzero(inside > 0.5 * inside.max())
+        halved.append((first + int(high[0]), first + int(high[-1]) + 1))
+    return halved
 
 
 def _member(
-    runs: Sequence[Logged],
-    joint: int,
-    windows: Sequence[list[tuple[int, int]]],
-    shape: Mapping[str, float],
+    runs: Sequence[Logged], joint: int, windows: Sequence[list[tuple[int, int]]], kind: int, stretch: float
 ) -> Member:
-    """A coefficient for every window, component of the force and half sine."""
-    kind = int(shape["kind"])
+    """A coefficient for every window, component of the force and profile of time."""
     rows = (joint,) if kind == JOINT_TORQUE else tuple(range(joint + 1))
     components = 1 if kind == JOINT_TORQUE else 3
-    count = sum(len(own) for own in windows) * components * SINES
+    count = sum(len(own) for own in windows) * components * PROFILES
     columns, index = [], 0
     for run, own in zip(runs, windows, strict=True):
         out = np.zeros((run.samples, len(rows), count))
-        for first, last in own:
-            place = np.linspace(0, 1, last - first)
+        for half_first, half_last in own:
+            # A flank's half height is in its middle, a bell's a sixth of its length from the end.
+            longer = 0.5 * (half_last - half_first) if stretch == BELL else RAMP * run.sample_rate
+            more = int(0.5 * longer)
+            first, last = max(half_first - more, 0), min(half_last + more, run.samples)
             torque = -_unit_torques(run, joint, first, last, kind)
+            profiles = _profiles(last - first, RAMP * run.sample_rate, stretch)
             for component in range(components):
-                for sine in range(1, SINES + 1):
-                    profile = np.sin(sine * np.pi * place)[:, None]
-                    out[first:last, :, index] = profile * torque[:, :, component]
+                for profile in profiles:
+                    out[first:last, :, index] = profile[:, None] * torque[:, :, component]
                     index += 1
         columns.append(out)
-    return Member(
-        {"kind": float(kind)}, rows, tuple(columns), np.full(count, -np.inf), np.full(count, np.inf)
-    )
+    unbounded = np.full(count, np.inf)
+    return Member({"kind": float(kind), "stretch": stretch}, rows, tuple(columns), -unbounded, unbounded)
+
+
+def _profiles(samples: int, ramp: float, stretch: float) -> Array:
+    """A bell or a trapezoid with flanks of ``ramp`` samples, and the same leaning: (PROFILES, samples)."""
+    place = (np.arange(samples) + 0.5) / samples
+    if stretch == BELL:
+        return np.stack([np.sin(np.pi * place), np.sin(2 * np.pi * place)])
+    flank = np.minimum(np.minimum(place, 1 - place) * samples / ramp, 1.0)
+    trapezoid = 0.5 - 0.5 * np.cos(np.pi * flank)
+    return np.stack([trapezoid, trapezoid * (1 - 2 * place)])
 
 
 def _unit_torques(run: Logged, joint: int, first: int, last: int, kind: int) -> Array:
@@ -295,8 +309,10 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     """A force actuator on the link, with the contact's force at unit control."""
     joint = require_joint(DESCRIPTION.name, injection.joint, robot.joints)
     start, end = injection.values["start"], injection.values["start"] + injection.values["duration"]
-    when = f"the model has no clock for it: set its control to 1 from {start:g} to {end:g} s, else 0"
+    when = f"the model has no clock: let its control be 1 from {start:g} to {end:g} s, with smooth flanks"
     element = joint_element(spec, robot, joint)
+    # First, so that nobody takes the contact for the joint's motor.
+    drive(spec, robot, joint)
     name = f"contact_{joint + 1}"
     actuator = spec.add_actuator(name=name)
     actuator.set_to_motor()

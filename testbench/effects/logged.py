@@ -6,6 +6,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from identification.chain import Chain
 from identification.filtering import central_difference, zero_phase_lowpass
@@ -19,6 +20,8 @@ Array = NDArray[np.float64]
 
 # Central difference of an analytic function: truncation and rounding both below 1e-9 of the torque.
 ANGLE_STEP = 1e-5
+# Samples of the load's derivatives in a period of the cut-off.
+SPLINE_SAMPLES = 8
 # The part of the motion above this share of the cut-off is encoder noise once differentiated four times.
 SMOOTH_SHARE = 0.5
 
@@ -144,26 +147,36 @@ class Logged:
     def _load_derivatives(self, joint: int) -> tuple[Array, Array, Array]:
         """d load / d(q, dq, ddq) of one joint, each (N, n)."""
         if joint not in self._derivatives:
-            unit = np.eye(self.joints)[joint]
-            still = np.zeros_like(self.q)
-            motion = [self.q, self.dq, self.ddq]
-
-            def central(index: int, step: float) -> Array:
-                ends = []
-                for sign in (1, -1):
-                    moved = list(motion)
-                    moved[index] = motion[index] + sign * step * unit
-                    ends.append(inverse_dynamics(self.chain, self._links, moved[0], moved[1], moved[2]))
-                return (ends[0] - ends[1]) / (2 * step)
-
-            weightless = replace(self.chain, gravity=np.zeros(3))
-            # Torque is quadratic in the velocities, so any step is exact there.
-            self._derivatives[joint] = (
-                central(0, ANGLE_STEP),
-                central(1, 1.0),
-                inverse_dynamics(weightless, self._links, self.q, still, still + unit),
-            )
+            # The motion has nothing above the cut-off, so a coarse grid and a cubic spline carry them.
+            step = max(int(self.sample_rate / (SPLINE_SAMPLES * self.cutoff)), 1)
+            grid = np.unique(np.r_[0 : self.samples : step, self.samples - 1])
+            values = self._load_derivatives_at(joint, grid)
+            if step > 1 and len(grid) > 3:
+                values = make_interp_spline(grid, values)(np.arange(self.samples))
+            n = self.joints
+            self._derivatives[joint] = values[:, :n], values[:, n : 2 * n], values[:, 2 * n :]
         return self._derivatives[joint]
+
+    def _load_derivatives_at(self, joint: int, samples: NDArray[np.int64]) -> Array:
+        """Derivatives by q, dq and ddq of one joint, side by side, (K, 3 n)."""
+        unit = np.eye(self.joints)[joint]
+        q, dq, ddq = self.q[samples], self.dq[samples], self.ddq[samples]
+
+        # So few samples that handing them to threads would cost more than it saves.
+        def load(q: Array, dq: Array, ddq: Array) -> Array:
+            return inverse_dynamics(self.chain, self._links, q, dq, ddq, threads=1)
+
+        turn = ANGLE_STEP * unit
+        weightless = replace(self.chain, gravity=np.zeros(3))
+        still = np.zeros_like(q)
+        return np.hstack(
+            [
+                (load(q + turn, dq, ddq) - load(q - turn, dq, ddq)) / (2 * ANGLE_STEP),
+                # Torque is quadratic in the velocities, so any step is exact there.
+                (load(q, dq + unit, ddq) - load(q, dq - unit, ddq)) / 2,
+                inverse_dynamics(weightless, self._links, q, still, still + unit, threads=1),
+            ]
+        )
 
 
 def logged_run(robot: Robot, recording: Recording, parameters: Array, cutoff: float) -> Logged:

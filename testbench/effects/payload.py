@@ -120,7 +120,12 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
         return ()
     mass, centre, inertia = centre_and_inertia(injection)
     carrier = spec.body(robot.model.body(int(robot.model.jnt_bodyid[-1])).name)
+    taken = sum(body.name.startswith("payload") for body in spec.bodies)
     carrier.add_body(
-        name="payload", mass=mass, ipos=centre, inertia=np.full(3, inertia), explicitinertial=True
+        name=f"payload_{taken + 1}" if taken else "payload",
+        mass=mass,
+        ipos=centre,
+        inertia=np.full(3, inertia),
+        explicitinertial=True,
     )
     return ()

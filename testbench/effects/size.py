@@ -21,21 +21,23 @@ POSITION_RANGE, SPEED, TORQUE = np.pi, 3.0, 50.0
 
 
 def typical_range(parameter: EffectParameter, robot: Robot, joint: int | None) -> tuple[float, float]:
-    """(low, high) of a parameter on this robot's joint, SI, inside its bounds.
+    """(mild, severe) values of a parameter on this robot's joint, SI, inside its bounds.
 
     Raises InputError for a parameter that scales with something unknown.
     """
     scale = scale_of(parameter.relative_to, robot, joint)
-    low, high = (float(np.clip(scale * end, parameter.lower, parameter.upper)) for end in parameter.typical)
-    return low, high
+    mild, severe = (
+        float(np.clip(scale * end, parameter.lower, parameter.upper)) for end in parameter.typical
+    )
+    return mild, severe
 
 
 def typical_values(
     description: EffectDescription, robot: Robot, joint: int | None, severity: float = 0.5
 ) -> dict[str, float]:
-    """Every parameter at ``severity`` (0 to 1) of its typical range."""
+    """Every parameter at ``severity`` of its typical range: 0 is mild, 1 severe."""
     ranges = ((p.name, typical_range(p, robot, joint)) for p in description.parameters)
-    return {name: low + severity * (high - low) for name, (low, high) in ranges}
+    return {name: mild + severity * (severe - mild) for name, (mild, severe) in ranges}
 
 
 def scale_of(relative_to: str, robot: Robot, joint: int | None) -> float:

@@ -86,6 +86,9 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
         motor = drive(spec, robot, joint)
         motor.delay = delay
         motor.nsample = int(np.ceil(delay / step)) + 1 if delay > 0 else 0
-    if 0 < delay < step:
-        return (f"a delay of {delay:g} s acts as one time step of {step:g} s, MuJoCo's shortest",)
-    return ()
+    if delay == 0:
+        return ()
+    sentences = ["the history starts empty: fill it with the torque that holds the arm (mj_initCtrlHistory)"]
+    if delay < step:
+        sentences.append(f"it acts as one time step of {step:g} s, MuJoCo's shortest")
+    return tuple(sentences)

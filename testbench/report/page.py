@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import plotly.graph_objects as go
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
@@ -60,14 +60,6 @@ def write_report(
 
 def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, created: str) -> str:
     """The page as text."""
-    environment = Environment(
-        loader=PackageLoader("testbench.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["significant"] = significant
     robot, comparison = result.robot, result.comparison
     names, units = robot.joint_names, robot.units()
     fit, validation = torque_error(result.fits), torque_error(result.validations)
@@ -76,7 +68,8 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
     judged = figures.judged_run(result)
     runs = [("validation", run) for run in result.validations] + [("fit", run) for run in result.fits]
     slides = robot.chain.is_slide
-    return environment.get_template("report.html").render(
+    template = page_environment("testbench.report").get_template("report.html")
+    return template.render(
         robot=robot.name,
         model=robot.path.name,
         created=created,
@@ -97,29 +90,27 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
         parameters=[{"row": row, "joint": names[row.joint]} for row in rows],
         known=comparison is not None,
         judged=judged.name,
-        torque_by_joint=_plot("torque-by-joint", "", figures.torque_by_joint(names, fit, validation, floor)),
+        torque_by_joint=plot("torque-by-joint", "", figures.torque_by_joint(names, fit, validation, floor)),
         torques=[
-            _plot(
-                f"torque-{index}", f"{role.capitalize()} run: {run.name}", figures.torque(run, names, units)
-            )
+            plot(f"torque-{index}", f"{role.capitalize()} run: {run.name}", figures.torque(run, names, units))
             for index, (role, run) in enumerate(runs)
         ],
-        parameter_plot=_plot("parameters-plot", "", figures.parameters(rows)),
+        parameter_plot=plot("parameters-plot", "", figures.parameters(rows)),
         residuals=[
-            _plot("spectrum", "Spectrum: flat is white", figures.residual_spectrum(judged, names)),
-            _plot(
+            plot("spectrum", "Spectrum: flat is white", figures.residual_spectrum(judged, names)),
+            plot(
                 "autocorrelation",
                 "Autocorrelation: inside the band is white",
                 figures.residual_autocorrelation(judged, names),
             ),
         ],
-        velocity=_plot(
+        velocity=plot(
             "velocity",
             "Against velocity: a mean that leaves zero is friction the model does not have",
             figures.residual_against_velocity(result.validations or result.fits, names, units, slides),
         ),
         motions=[
-            _plot(
+            plot(
                 f"motion-{index}",
                 f"{role.capitalize()} run: {run.name}",
                 figures.motion(run, names, robot.limits.lower, robot.limits.upper, slides),
@@ -130,6 +121,26 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
         provenance=_provenance(result),
         plotly=Markup(get_plotlyjs()),
     )
+
+
+def page_environment(*packages: str) -> Environment:
+    """Where pages find their templates: the folders ``templates`` of these packages, in this order."""
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader(package) for package in packages]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["significant"] = significant
+    return environment
+
+
+def plot(name: str, caption: str, figure: go.Figure) -> Plot:
+    """A figure as the page takes it; its layout must say how high it is."""
+    # "</" would end the script element that holds the figure.
+    text = figure.to_json().replace("</", "<\\/")
+    return Plot(name, caption, int(figure.layout.height), Markup(text))
 
 
 def flatten(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
@@ -188,9 +199,3 @@ def _provenance(result: IdentificationResult) -> list[tuple[str, str]]:
             pairs.append((f"{role} run {fit.name}", about))
             pairs += flatten(recording.provenance, f"{fit.name}.")
     return pairs
-
-
-def _plot(name: str, caption: str, figure: go.Figure) -> Plot:
-    # "</" would end the script element that holds the figure.
-    text = figure.to_json().replace("</", "<\\/")
-    return Plot(name, caption, int(figure.layout.height), Markup(text))

@@ -1,4 +1,4 @@
-"""A robot's moving masses alone: without geoms, sites, cameras and lights its dynamics are the same, and cheaper.
+"""A robot's moving masses alone: the same dynamics without geoms, sites, cameras and lights, and cheaper.
 
 MuJoCo places every geom at every step, which costs a detailed arm a third of the step.
 """
@@ -76,7 +76,7 @@ def bare_model(model: Any) -> Any:
 
 
 def _has_other_dynamics(model: Any) -> bool:
-    """Whether tendons, flexes, plug-ins, actuators, yielding springs or geoms in a fluid act at the joints."""
+    """Whether tendons, flexes, plug-ins, actuators, yielding springs or geoms in a fluid act on joints."""
     return bool(
         model.ntendon
         or model.nflex

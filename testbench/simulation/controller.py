@@ -77,7 +77,8 @@ def gains(
 
 def middle_pose(lower: Array, upper: Array) -> Array:
     """The middle of the joints' ranges, (n,); 0 where a joint has no range."""
-    return np.where(np.isfinite(lower + upper), (lower + upper) / 2, 0.0)
+    limited = np.isfinite(lower) & np.isfinite(upper)
+    return np.where(limited, (np.where(limited, lower, 0.0) + np.where(limited, upper, 0.0)) / 2, 0.0)
 
 
 def diagonal_inertia(chain: Chain, parameters: Array, pose: Array) -> Array:

@@ -11,19 +11,16 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
-from ..effects import effect
-from ..effects.action import Action, SimulatedRobot, Stage
 from ..effects.base import Injection
 from ..log import Controller, Recording
 from ..robot import Robot
-from . import batch
+from . import layout
 from .batch import Loop, run_loops
-from .controller import ControllerOptions, diagonal_inertia, feedforward, gains, middle_pose, velocity_pole
-from .hooks import Standstill
+from .controller import ControllerOptions, feedforward, gains, velocity_pole
 from .plant import plant_model, resting_pose
 from .reference import Reference
 from .sensors import SensorOptions, centred_torque, encoder_quantum, measured_torque, per_joint, white_noise
-from .transmission import CONTACT_DAMPING_RATIO, CONTACT_FREQUENCY
+from .unmodelled import put_in, told
 
 Array = NDArray[np.float64]
 
@@ -134,34 +131,20 @@ class _Run:
         noise = per_joint(sensors.position_noise, n, "position_noise", 0) * self._noise(POSITION_CHANNEL)
         step = 1 / (controller.rate * options.substeps)
         plant = plant_model(robot.model, step)
-        actions = self._actions(step)
-        split = np.zeros(n, dtype=bool)
-        for action in actions:
-            if action.change_plant is not None:
-                action.change_plant(plant)
-            if action.split is not None:
-                split[action.split] = True
-        armature = np.array(robot.model.dof_armature)
-        self._require_rotors(split & (armature <= 0))
-        plant.dof_armature[split] = 0.0
-        hooks = tuple(hook for action in actions for hook in action.hooks)
-        for hook in hooks:
-            if hook.stage is Stage.TRANSMISSION and not split[hook.joint]:
-                raise RuntimeError(f"a hook of the transmission on joint {hook.joint}, which is not split")
-        frequency = 2 * np.pi * CONTACT_FREQUENCY
-        stiffness = frequency**2 * armature
+        unmodelled = put_in(options.effects, robot, plant, step, controller.rate)
         limit = nominal.limits.torque
-        still = Standstill(hooks, split, stiffness, step)
-        pose, windup, self.hold = resting_pose(plant, reference.position[0], at_rest, self.kp, limit, still)
-        constants = np.empty((batch.CONSTANTS, n))
-        constants[batch.VISCOUS] = np.asarray(robot.model.dof_damping).reshape(n, -1)[:, 0]
-        constants[batch.COULOMB] = robot.model.dof_frictionloss
-        constants[batch.KP], constants[batch.KD] = self.kp, self.kd
-        constants[batch.TORQUE_LIMIT] = limit
-        constants[batch.ENCODER_QUANTUM] = encoder_quantum(sensors, robot.chain.is_slide)
-        constants[batch.ARMATURE], constants[batch.SPLIT] = armature, split
-        constants[batch.CONTACT_STIFFNESS] = stiffness
-        constants[batch.CONTACT_DAMPING] = 2 * CONTACT_DAMPING_RATIO * frequency * armature
+        pose, windup, self.hold = resting_pose(
+            plant, reference.position[0], at_rest, self.kp, limit, unmodelled.standstill
+        )
+        constants = np.empty((layout.CONSTANTS, n))
+        constants[layout.VISCOUS] = np.asarray(robot.model.dof_damping).reshape(n, -1)[:, 0]
+        constants[layout.COULOMB] = robot.model.dof_frictionloss
+        constants[layout.KP], constants[layout.KD] = self.kp, self.kd
+        constants[layout.TORQUE_LIMIT] = limit
+        constants[layout.ENCODER_QUANTUM] = encoder_quantum(sensors, robot.chain.is_slide)
+        constants[layout.ARMATURE], constants[layout.SPLIT] = unmodelled.armature, unmodelled.split
+        constants[layout.CONTACT_STIFFNESS] = unmodelled.stiffness
+        constants[layout.CONTACT_DAMPING] = unmodelled.damping
         self.loop = Loop(
             plant=plant,
             substeps=options.substeps,
@@ -172,23 +155,8 @@ class _Run:
             pose=pose,
             hold=self.hold,
             windup=windup,
-            hooks=hooks,
+            hooks=unmodelled.hooks,
         )
-
-    def _actions(self, timestep: float) -> list[Action]:
-        """What each effect does to this robot."""
-        if not self.options.effects:
-            return []
-        robot = self.robot
-        middle = middle_pose(robot.limits.lower, robot.limits.upper)
-        inertia = diagonal_inertia(robot.chain, robot.parameters, middle)
-        simulated = SimulatedRobot(robot, timestep, self.options.controller.rate, inertia)
-        return [effect(each.effect).action(each, simulated) for each in self.options.effects]
-
-    def _require_rotors(self, missing: NDArray[np.bool_]) -> None:
-        if missing.any():
-            name = self.robot.joint_names[int(np.argmax(missing))]
-            raise InputError("effects", name, "a rotor inertia (armature) to move apart from the link", 0)
 
     def _noise(self, channel: int) -> Array:
         return white_noise(self.stream, channel, self.reference.position.shape)
@@ -208,7 +176,7 @@ class _Run:
         """The log of this run, from the loop's output (N, OUTPUTS, n)."""
         robot, reference, options = self.robot, self.reference, self.options
         controller, rate = options.controller, options.controller.rate
-        command = output[:, batch.COMMAND].copy()
+        command = output[:, layout.COMMAND].copy()
         delay = per_joint(options.sensors.torque_delay, robot.joints, "torque_delay")
         reported = centred_torque(command, self.hold, delay, rate)
         has_feedforward = controller.kind == "pd_with_model_feedforward"
@@ -218,7 +186,7 @@ class _Run:
             sample_rate=rate,
             source="simulation",
             time=np.arange(reference.samples) / rate,
-            position=output[:, batch.READING].copy(),
+            position=output[:, layout.READING].copy(),
             torque=measured_torque(
                 reported, self._noise(TORQUE_CHANNEL), rate, self.deviation, options.sensors
             ),
@@ -234,7 +202,7 @@ class _Run:
                 controller.coulomb_smoothing if has_feedforward else None,
             ),
             truth=self._truth(output),
-            truth_effects=[_told(injection, robot) for injection in options.effects],
+            truth_effects=[told(injection, robot) for injection in options.effects],
             provenance={
                 "model": robot.path.name,
                 # What the robot hides belongs to the truth.
@@ -250,25 +218,16 @@ class _Run:
     def _truth(self, output: Array) -> dict[str, Array]:
         """What only the simulation knows, by name."""
         channels = {
-            "position": batch.POSITION,
-            "velocity": batch.VELOCITY,
-            "acceleration": batch.ACCELERATION,
-            "torque": batch.DRIVE,
-            "friction_torque": batch.FRICTION,
+            "position": layout.POSITION,
+            "velocity": layout.VELOCITY,
+            "acceleration": layout.ACCELERATION,
+            "torque": layout.DRIVE,
+            "friction_torque": layout.FRICTION,
         }
         if self.options.effects:
-            channels |= {"link_position": batch.LINK_POSITION, "effect_torque": batch.EFFECT_TORQUE}
+            channels |= {"link_position": layout.LINK_POSITION, "effect_torque": layout.EFFECT_TORQUE}
         truth = {name: output[:, channel].copy() for name, channel in channels.items()}
         return truth | {"parameters": self.robot.parameters.copy()}
-
-
-def _told(injection: Injection, robot: Robot) -> dict[str, Any]:
-    """An injection as the truth of a log tells it."""
-    joints = {
-        key: None if joint is None else robot.joint_names[joint]
-        for key, joint in (("joint", injection.joint), ("into", injection.into))
-    }
-    return {"effect": injection.effect, **joints, "law": injection.law, "values": dict(injection.values)}
 
 
 @cache

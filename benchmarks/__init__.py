@@ -1,0 +1,5 @@
+"""Ours against the usual way, both measured in one run: ``python -m benchmarks [name ...]``.
+
+One benchmark a file: a module with a docstring and ``measure() -> Report``. Files whose name begins
+with an underscore are what benchmarks share.
+"""

@@ -1,0 +1,61 @@
+"""Candidate effects on these runs: every family's columns, filtered like the torque."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbench.effects import effects
+from testbench.effects.signature import Family, Member, places
+
+from .preparation import Prepared
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One member of a family on these runs.
+
+    family: the effect and its place. member: which shape. columns: a run, (M, n, k) filtered.
+    """
+
+    family: Family
+    member: Member
+    columns: tuple[Array, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients, k."""
+        return self.member.count
+
+    @property
+    def place(self) -> tuple[str, int | None, int | None]:
+        """Effect, joint and second joint."""
+        return self.family.effect, self.family.joint, self.family.into
+
+
+def candidate(prepared: Prepared, family: Family, member: Member) -> Candidate:
+    """A member with its columns filtered for every run."""
+    columns = []
+    for index, run in enumerate(prepared.runs):
+        full = np.zeros((len(run.kept), prepared.joints, member.count))
+        full[:, list(member.rows)] = run.filtered(member.columns[index])
+        columns.append(full)
+    return Candidate(family, member, tuple(columns))
+
+
+def candidates(
+    prepared: Prepared, without: Sequence[str] = (), only: Sequence[str] | None = None
+) -> list[Candidate]:
+    """All members of all families of the catalogue, less the effects taken out of it (or only some)."""
+    logged = [run.logged for run in prepared.runs]
+    found = []
+    for name, effect in effects().items():
+        if name in without or (only is not None and name not in only):
+            continue
+        for joint, into in places(effect.DESCRIPTION, prepared.joints):
+            family = effect.signature(logged, joint, into)
+            found += [candidate(prepared, family, member) for member in family.members]
+    return found

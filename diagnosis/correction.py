@@ -1,0 +1,173 @@
+"""The corrected model as plain numbers: all that is needed to predict torque along another motion."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.chain import Chain
+from identification.errors import InputError
+from identification.parameters import PER_JOINT
+from testbench.robot import Limits
+
+from .evidence import Design, Fit
+from .findings import Diagnosis
+
+Array = NDArray[np.float64]
+
+ARRAYS = ("rotation", "translation", "gravity")
+LIMITS = ("lower", "upper", "velocity", "acceleration", "torque")
+
+
+@dataclass(frozen=True)
+class Term:
+    """One effect of the corrected model: a member of its family, and the coefficients (k,) of its columns.
+
+    joint, into: indices, None as in the catalogue. shape: the member's.
+    """
+
+    effect: str
+    joint: int | None
+    into: int | None
+    shape: dict[str, float]
+    coefficients: Array
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """The model as given, re-identified, and with the effects; standard parameters (14 n,) each.
+
+    chain, limits: of the model as given. nominal: as given. parameters: re-identified alone. final:
+    beside the effects. parameters_timing, final_timing: s, by which the logged torque is late.
+    linearised: (14 n,) that the effects' columns are taken at. body_rotation (3, 3), body_origin (3,) m:
+    the last body's frame in the last link's.
+    """
+
+    chain: Chain
+    limits: Limits
+    nominal: Array
+    parameters: Array
+    parameters_timing: float
+    final: Array
+    final_timing: float
+    linearised: Array
+    body_rotation: Array
+    body_origin: Array
+    terms: tuple[Term, ...]
+
+
+def corrected_model(diagnosis: Diagnosis) -> Corrected:
+    """The corrected model of a diagnosis."""
+    robot, logged = diagnosis.robot, diagnosis.prepared.runs[0].logged
+    parameters, parameters_timing = _standard(diagnosis, *diagnosis.parameters_only)
+    hypothesis, fitted = diagnosis.final
+    terms, start = [], hypothesis.parameters
+    for accepted in hypothesis.accepted:
+        family, member = accepted.family, accepted.member
+        coefficients = fitted.values[start : start + member.count]
+        terms.append(Term(family.effect, family.joint, family.into, dict(member.shape), coefficients))
+        start += member.count
+    return Corrected(
+        chain=robot.chain,
+        limits=robot.limits,
+        nominal=robot.parameters,
+        parameters=parameters,
+        parameters_timing=parameters_timing,
+        final=diagnosis.parameters,
+        final_timing=diagnosis.timing,
+        linearised=logged.parameters,
+        body_rotation=logged.body_rotation,
+        body_origin=logged.body_origin,
+        terms=tuple(terms),
+    )
+
+
+def _standard(diagnosis: Diagnosis, hypothesis: Design, fitted: Fit) -> tuple[Array, float]:
+    """Standard parameters (14 n,) and timing, s, of a fit."""
+    count = PER_JOINT * diagnosis.robot.joints
+    return diagnosis.robot.parameters + fitted.values[:count], float(fitted.values[count])
+
+
+def correction_document(model: Corrected) -> dict[str, Any]:
+    """The corrected model as JSON-able values; null for the limits that the model does not set."""
+    chain = model.chain
+    return {
+        "chain": {
+            "joint_names": list(chain.joint_names),
+            "is_slide": chain.is_slide.tolist(),
+            **{name: getattr(chain, name).tolist() for name in ARRAYS},
+        },
+        "limits": {
+            name: [v if np.isfinite(v) else None for v in getattr(model.limits, name).tolist()]
+            for name in LIMITS
+        },
+        "nominal": model.nominal.tolist(),
+        "parameters": {"standard": model.parameters.tolist(), "timing": model.parameters_timing},
+        "effects": {
+            "standard": model.final.tolist(),
+            "timing": model.final_timing,
+            "linearised_at": model.linearised.tolist(),
+            "terms": [
+                {
+                    "effect": term.effect,
+                    "joint": _name(chain, term.joint),
+                    "into": _name(chain, term.into),
+                    "shape": term.shape,
+                    "coefficients": term.coefficients.tolist(),
+                }
+                for term in model.terms
+            ],
+        },
+        "last_body": {"rotation": model.body_rotation.tolist(), "origin": model.body_origin.tolist()},
+        "units": "SI at the joint; 14 standard parameters a joint, timing in s",
+    }
+
+
+def read_correction(document: Any, source: object) -> Corrected:
+    """The inverse of ``correction_document``. Raises InputError, naming ``source``, for anything else."""
+    try:
+        chain_part, effects = document["chain"], document["effects"]
+        chain = Chain(
+            joint_names=tuple(chain_part["joint_names"]),
+            is_slide=np.array(chain_part["is_slide"], dtype=bool),
+            **{name: np.array(chain_part[name], dtype=np.float64) for name in ARRAYS},
+        )
+        unlimited = {"lower": -np.inf}
+        limits = {
+            name: [unlimited.get(name, np.inf) if v is None else v for v in document["limits"][name]]
+            for name in LIMITS
+        }
+        return Corrected(
+            chain=chain,
+            limits=Limits(**{name: np.array(values, dtype=np.float64) for name, values in limits.items()}),
+            nominal=np.array(document["nominal"], dtype=np.float64),
+            parameters=np.array(document["parameters"]["standard"], dtype=np.float64),
+            parameters_timing=float(document["parameters"]["timing"]),
+            final=np.array(effects["standard"], dtype=np.float64),
+            final_timing=float(effects["timing"]),
+            linearised=np.array(effects["linearised_at"], dtype=np.float64),
+            body_rotation=np.array(document["last_body"]["rotation"], dtype=np.float64),
+            body_origin=np.array(document["last_body"]["origin"], dtype=np.float64),
+            terms=tuple(
+                Term(
+                    effect=term["effect"],
+                    joint=_index(chain, term["joint"]),
+                    into=_index(chain, term["into"]),
+                    shape={name: float(value) for name, value in term["shape"].items()},
+                    coefficients=np.array(term["coefficients"], dtype=np.float64),
+                )
+                for term in effects["terms"]
+            ),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        expected = "the corrected model as diagnose writes it"
+        raise InputError(source, "correction", expected, f"{type(error).__name__}: {error}") from None
+
+
+def _name(chain: Chain, joint: int | None) -> str | None:
+    return None if joint is None else chain.joint_names[joint]
+
+
+def _index(chain: Chain, name: str | None) -> int | None:
+    return None if name is None else chain.joint_names.index(name)

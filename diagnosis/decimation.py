@@ -1,0 +1,74 @@
+"""The parallel filter as a decimating convolution: only the samples that are kept are computed.
+
+The zero-phase Butterworth low-pass of ``identification.filtering`` is linear and time-invariant away
+from a run's ends, so its response to an impulse says it all. Torque and every column of every
+hypothesis pass the same taps, so what is cut off beyond them cancels out.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.filtering import decimation_step, zero_phase_lowpass
+from identification.kinematics import kernel
+
+Array = NDArray[np.float64]
+
+# Reach of the taps to either side, in cut-off periods: beyond it the response is below 1e-3 of its peak.
+REACH_PERIODS = 2.5
+
+
+@dataclass(frozen=True)
+class DecimatingFilter:
+    """taps: (2 r + 1,), of unit sum. step: kept samples are this far apart, the first at r."""
+
+    taps: Array
+    step: int
+
+    @property
+    def reach(self) -> int:
+        """Samples needed to either side, r."""
+        return len(self.taps) // 2
+
+    def kept(self, samples: int) -> NDArray[np.int64]:
+        """Indices of the samples that are kept of a run of N, (M,)."""
+        return np.arange(self.reach, samples - self.reach, self.step)
+
+    def __call__(self, columns: Array) -> Array:
+        """Columns (N, ...) low-passed and decimated, (M, ...)."""
+        flat = np.ascontiguousarray(columns.reshape(len(columns), -1).T)
+        out = np.empty((flat.shape[0], len(self.kept(len(columns)))))
+        _convolve(flat, self.taps, self.step, out)
+        return np.ascontiguousarray(out.T).reshape(-1, *columns.shape[1:])
+
+
+def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
+    """The filter of a sample rate and cut-off, Hz."""
+    reach = int(np.ceil(REACH_PERIODS * sample_rate / cutoff))
+    impulse = np.zeros((8 * reach + 1, 1))
+    impulse[4 * reach] = 1.0
+    response = zero_phase_lowpass(impulse, sample_rate, cutoff)[:, 0]
+    taps = response[3 * reach : 5 * reach + 1]
+    return DecimatingFilter(taps / taps.sum(), decimation_step(sample_rate, cutoff))
+
+
+@kernel
+def _convolve(x, taps, step, out):  # type: ignore[no-untyped-def]
+    """out[c, m] = sum_k taps[k] x[c, m step + k], four partial sums at a time so that it vectorises."""
+    size = taps.size
+    lanes = np.empty(8)
+    for c in range(x.shape[0]):
+        for m in range(out.shape[1]):
+            lanes[:] = 0.0
+            start = m * step
+            whole = size - size % 8
+            for k in range(0, whole, 8):
+                for lane in range(8):
+                    lanes[lane] += taps[k + lane] * x[c, start + k + lane]
+            total = 0.0
+            for lane in range(8):
+                total += lanes[lane]
+            for k in range(whole, size):
+                total += taps[k] * x[c, start + k]
+            out[c, m] = total

@@ -1,0 +1,171 @@
+"""The whole diagnosis of a robot's logs: where, which, how far."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbench.log import Recording
+from testbench.robot import Robot
+
+from .attribution import Accepted, Attribution, attribute, standard_values
+from .evidence import Design, Fit
+from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate
+from .localisation import where
+from .noise import noise_rms
+from .preparation import Prepared, prepare
+
+Array = NDArray[np.float64]
+
+# Re-identification matters when it takes this share off some joint's error on runs left out ...
+PARAMETERS_SHARE = 0.12
+# ... and the error of the model as given is at least this share of the joint's torque.
+PARAMETERS_TORQUE = 0.01
+# A rival this probable is named beside the effect.
+CONFUSABLE = 0.1
+
+
+def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
+    """Why the model and the logs disagree.
+
+    recordings: runs by name; their truth, where a simulation has written one, is not looked at.
+    without: effects taken out of the catalogue. Raises InputError for runs that are too short.
+    """
+    found = attribute(prepare(robot, recordings), without)
+    prepared = found.prepared
+    gap = _gap(found)
+    effects = tuple(_named(found, index) for index in range(len(found.accepted)))
+    effects = tuple(sorted(effects, key=lambda e: -e.held_out_share))
+    verdict = _verdict(found, gap)
+    hypothesis, fitted = found.hypothesis, found.fitted
+    return Diagnosis(
+        robot=robot,
+        verdict=verdict,
+        sentence=_sentence(robot, verdict, effects, found, gap),
+        effects=effects if verdict == "effect" else (),
+        ranked=_ranked(found),
+        where=where(prepared, found.parameters_only, gap.noise_floor),
+        gap=gap,
+        prepared=prepared,
+        parameters_only=found.parameters_only,
+        final=(hypothesis, fitted),
+        parameters=standard_values(prepared, fitted),
+        timing=float(fitted.values[hypothesis.parameters - 1]),
+        notes=tuple(
+            f"{robot.joint_names[joint]}: a free function of {regime} would explain {share:.0%} of what is left"
+            for joint, regime, share in found.unknown
+        ),
+    )
+
+
+def _rms(runs: Sequence[Array], hypothesis: Design) -> Array:
+    """RMS (n,) over the used samples of all runs; runs are zero elsewhere."""
+    counts = np.maximum(sum(np.sum(used, axis=0) for used in hypothesis.used), 1)
+    return np.sqrt(sum(np.sum(np.asarray(run) ** 2, axis=0) for run in runs) / counts)
+
+
+def _gap(found: Attribution) -> Gap:
+    first, first_fit = found.parameters_only
+    nominal = [np.where(used, gap, 0.0) for used, gap in zip(first.used, first.gap, strict=True)]
+    parameters = _rms(first_fit.held_out, first)
+    effects = _rms(found.fitted.held_out, found.hypothesis)
+    floor = np.minimum(noise_rms(found.prepared), np.minimum(effects, parameters))
+    return Gap(_rms(nominal, first), parameters, effects, floor)
+
+
+def _verdict(found: Attribution, gap: Gap) -> str:
+    if found.accepted:
+        return "effect"
+    if found.unknown:
+        return "unknown"
+    torque = _torque(found.prepared)
+    better = (gap.nominal > gap.parameters * (1 + PARAMETERS_SHARE)) & (
+        gap.nominal > PARAMETERS_TORQUE * torque
+    )
+    return "parameters" if np.any(better) else "none"
+
+
+def _torque(prepared: Prepared) -> Array:
+    return np.sqrt(np.mean(np.concatenate([run.torque for run in prepared.runs]) ** 2, axis=0))
+
+
+def _named(found: Attribution, index: int) -> NamedEffect:
+    accepted: Accepted = found.accepted[index]
+    hypothesis, fitted = found.hypothesis, found.fitted
+    start = hypothesis.parameters + sum(a.candidate.count for a in found.accepted[:index])
+    part = slice(start, start + accepted.candidate.count)
+    member, family = accepted.candidate.member, accepted.candidate.family
+    shapes = len(family.refine)
+    covariance = np.zeros((member.count + shapes, member.count + shapes))
+    covariance[: member.count, : member.count] = fitted.covariance[part, part]
+    return NamedEffect(
+        effect=family.effect,
+        joint=family.joint,
+        into=family.into,
+        probability=float(np.clip(accepted.probability, 0.0, 0.999)),
+        parameters=family.parameters(member, fitted.values[part], covariance),
+        candidate=accepted.candidate,
+        confusable_with=tuple(
+            dict.fromkeys(
+                rival.candidate.family.effect
+                for rival, probability in accepted.rivals
+                if probability > CONFUSABLE and rival.candidate.family.effect != family.effect
+            )
+        ),
+        held_out_share=accepted.share,
+    )
+
+
+def _ranked(found: Attribution) -> tuple[RankedCandidate, ...]:
+    """Everything that was weighed, most probable first."""
+    ranked = []
+    for accepted in found.accepted:
+        family = accepted.candidate.family
+        ranked.append(
+            RankedCandidate(
+                family.effect, family.joint, family.into, float(accepted.probability), accepted.share
+            )
+        )
+        for rival, probability in accepted.rivals:
+            other = rival.candidate.family
+            ranked.append(
+                RankedCandidate(
+                    other.effect,
+                    other.joint,
+                    other.into,
+                    probability,
+                    rival.score,
+                    f"less likely than {family.effect}",
+                )
+            )
+    for weighed in found.last_stage[:10]:
+        family = weighed.candidate.family
+        ranked.append(
+            RankedCandidate(family.effect, family.joint, family.into, 0.0, weighed.score, "not material here")
+        )
+    seen: dict[tuple, RankedCandidate] = {}
+    for item in sorted(ranked, key=lambda r: -r.probability):
+        seen.setdefault((item.effect, item.joint, item.into), item)
+    return tuple(seen.values())
+
+
+def _sentence(
+    robot: Robot, verdict: str, effects: Sequence[NamedEffect], found: Attribution, gap: Gap
+) -> str:
+    if verdict == "none":
+        return "The model explains these logs as well as one re-identified from them."
+    if verdict == "parameters":
+        return "Re-identified parameters explain these logs; no effect beyond them is needed."
+    if verdict == "unknown":
+        joint, regime, share = found.unknown[0]
+        return (
+            f"At {robot.joint_names[joint]} {share:.0%} of what is left follows the joint's {regime}, "
+            "and no effect of the catalogue explains it."
+        )
+    parts = []
+    for effect in effects:
+        place = "" if effect.joint is None else f" at {robot.joint_names[effect.joint]}"
+        parts.append(f"{effect.effect.replace('_', ' ')}{place}")
+    closed = gap.closed
+    shrink = "" if closed is None else f"; with it the reducible gap shrinks by {closed:.0%}"
+    return f"The gap comes from {', '.join(parts)}{shrink}."

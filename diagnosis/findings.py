@@ -1,0 +1,107 @@
+"""What a diagnosis says: verdict, effects, where the gap lies, how far it shrinks."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbench.effects.signature import Quantity
+from testbench.robot import Robot
+
+from .candidates import Candidate
+from .evidence import Design, Fit
+from .preparation import Prepared
+
+Array = NDArray[np.float64]
+
+VERDICTS = ("none", "parameters", "effect", "unknown")
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """One effect that the diagnosis names.
+
+    effect: of the catalogue. joint, into: indices, None for the whole robot. probability: 0 to 1.
+    parameters: by the contract's names. candidate: its columns. confusable_with: effects that these
+    runs cannot tell from it. held_out_share: share of the joint's held-out squared residual it removes.
+    """
+
+    effect: str
+    joint: int | None
+    into: int | None
+    probability: float
+    parameters: dict[str, Quantity]
+    candidate: Candidate
+    confusable_with: tuple[str, ...] = ()
+    held_out_share: float = 0.0
+
+
+@dataclass(frozen=True)
+class RankedCandidate:
+    """A family that was weighed: effect, place, probability, score (log-likelihood units) and why not."""
+
+    effect: str
+    joint: int | None
+    into: int | None
+    probability: float
+    score: float
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Share:
+    """A share of the gap: joint index, regime in words, share 0 to 1, RMS of gap and noise, N·m."""
+
+    joint: int
+    regime: str
+    share: float
+    gap_rms: float
+    noise_rms: float
+
+
+@dataclass(frozen=True)
+class Gap:
+    """RMS torque error a joint, (n,) N·m, on runs left out: as given, re-identified, with the effects.
+
+    noise_floor: what noise alone would leave. interval_*: (2, n) confidence bounds of the three.
+    """
+
+    nominal: Array
+    parameters: Array
+    effects: Array
+    noise_floor: Array
+
+    @property
+    def closed(self) -> float | None:
+        """(parameters - effects) / (parameters - noise floor) over the joints' sums; None if nothing to close."""
+        reducible = float(np.sum(self.parameters) - np.sum(self.noise_floor))
+        if reducible <= 1e-9 * max(float(np.sum(self.parameters)), 1e-12):
+            return None
+        return float((np.sum(self.parameters) - np.sum(self.effects)) / reducible)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The whole answer.
+
+    verdict: one of VERDICTS. sentence: it in words. effects: strongest first. ranked: what was
+    weighed. where: shares of the gap, largest first. gap: before and after. prepared: the runs.
+    parameters_only, final: (hypothesis, fit) after re-identification and with the effects.
+    parameters: (14 n,) re-identified standard parameters of the final hypothesis; timing: s, the
+    common torque delay that goes with them. not_observable: effects nothing of which would show.
+    """
+
+    robot: Robot
+    verdict: str
+    sentence: str
+    effects: tuple[NamedEffect, ...]
+    ranked: tuple[RankedCandidate, ...]
+    where: tuple[Share, ...]
+    gap: Gap
+    prepared: Prepared
+    parameters_only: tuple[Design, Fit]
+    final: tuple[Design, Fit]
+    parameters: Array
+    timing: float
+    not_observable: tuple[tuple[str, int | None], ...] = ()
+    notes: tuple[str, ...] = field(default_factory=tuple)

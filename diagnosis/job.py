@@ -1,0 +1,62 @@
+"""The jobs behind ``diagnose`` and ``predict``: logs in, results folder out."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from identification.errors import InputError
+from testbench.effects import effects
+from testbench.excitation_file import write_excitation
+from testbench.identify import run_names
+from testbench.log import check_joints, read_log
+from testbench.progress import steps
+from testbench.robot import load_robot
+
+from .diagnose import diagnose
+from .discrimination import next_experiment
+from .document import write_diagnosis
+from .findings import Diagnosis
+from .forward import forward_gap
+from .predict import DOCUMENT
+from .remedy import write_corrected
+from .report import print_summary, write_report, write_session
+
+
+def diagnose_logs(
+    model: Path,
+    logs: Sequence[Path],
+    out: Path,
+    without: Sequence[str] = (),
+    seed: int = 0,
+    jobs: int | None = None,
+) -> Diagnosis:
+    """Diagnose the logs against the model; write everything to ``out`` and print ten lines.
+
+    without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. Leaves
+    diagnosis.json, corrected.xml, report.html, session.rrd, and next_experiment.json where one helps.
+    Raises InputError.
+    """
+    for name in without:
+        if name not in effects():
+            raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())
+    robot = load_robot(model)
+    recordings = {name: read_log(path) for name, path in zip(run_names(logs), logs, strict=True)}
+    for path, recording in zip(logs, recordings.values(), strict=True):
+        check_joints(recording, robot.joint_names, path)
+    with steps() as progress:
+        with progress.step("diagnose"):
+            diagnosis = diagnose(robot, recordings, without)
+        with progress.step("corrected simulator"):
+            not_in_mjcf = write_corrected(diagnosis, out / "corrected.xml")
+        with progress.step("closed loop"):
+            forward = forward_gap(diagnosis, recordings, jobs)
+        with progress.step("next experiment"):
+            experiment = next_experiment(diagnosis, seed)
+            if experiment is not None and experiment.excitation is not None:
+                assert experiment.file is not None
+                write_excitation(experiment.excitation, out / experiment.file)
+        with progress.step("report"):
+            write_diagnosis(diagnosis, out / DOCUMENT, not_in_mjcf, forward, experiment)
+            write_report(diagnosis, out / "report.html", not_in_mjcf, forward, experiment)
+            write_session(diagnosis, out / "session.rrd", experiment)
+    print_summary(diagnosis, experiment)
+    return diagnosis

@@ -1,0 +1,187 @@
+"""Torque along a measured motion, by the corrected model and by those before it."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.differentiation import differentiate
+from identification.errors import InputError
+from identification.inverse_dynamics import inverse_dynamics
+from identification.models import POSITION_BAND
+from testbench.effects import effect
+from testbench.effects.signature import Family, Logged, Member
+from testbench.files import replacing
+from testbench.identify import motion
+from testbench.log import Recording, check_joints, read_log, write_log
+from testbench.simulation import Reference
+from testbench.simulation.controller import feedforward
+
+from .correction import Corrected, Term, read_correction
+from .preparation import filter_cutoff
+
+Array = NDArray[np.float64]
+
+DOCUMENT = "diagnosis.json"
+
+
+@dataclass(frozen=True)
+class PredictedTorque:
+    """Torque (N, n) N·m at a log's instants: by the model as given, re-identified, and corrected."""
+
+    nominal: Array
+    parameters: Array
+    corrected: Array
+
+
+def predict(directory: Path, log: Path, out: Path) -> PredictedTorque:
+    """Predict the torque along LOG's motion with DIR's corrected model, and write it to ``out``.
+
+    ``out`` is a robot-log with LOG's time and motion, the corrected model's torque as joint/torque, and
+    nominal/torque and parameters/torque beside it. LOG's torque is never used. Raises InputError.
+    """
+    model = read_diagnosed(directory)
+    recording = read_log(log)
+    check_joints(recording, model.chain.joint_names, log)
+    predicted = predict_torque(model, recording)
+    written = Recording(
+        robot=recording.robot,
+        joint_names=recording.joint_names,
+        sample_rate=recording.sample_rate,
+        source="prediction",
+        time=recording.time,
+        position=recording.position,
+        torque=predicted.corrected,
+        provenance={"diagnosis": Path(directory).name, "log": Path(log).name},
+        is_slide=recording.is_slide,
+    )
+    with replacing(out) as temporary:
+        write_log(written, temporary)
+        with h5py.File(temporary, "a") as file:
+            unit = file["joint/torque"].attrs["unit"]
+            for name, torque in (("nominal", predicted.nominal), ("parameters", predicted.parameters)):
+                dataset = file.create_dataset(f"{name}/torque", data=torque, track_times=False)
+                dataset.attrs["unit"] = unit
+    return predicted
+
+
+def read_diagnosed(directory: Path) -> Corrected:
+    """The corrected model of a folder that ``diagnose`` has written. Raises InputError."""
+    path = Path(directory) / DOCUMENT
+    if not path.is_file():
+        raise InputError(directory, DOCUMENT, "a folder that diagnose has written", "no such file")
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(path, "diagnosis", "JSON", str(error)) from None
+    if not isinstance(document, dict) or document.get("format") != "gap-diagnosis":
+        raise InputError(path, "format", "gap-diagnosis", "something else")
+    return read_correction(document.get("correction"), path)
+
+
+def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
+    """Torque along a recording's measured motion, at its own instants.
+
+    The effects are their families' columns along that motion, with the measured torque and command
+    replaced by what the models say.
+    """
+    logged = logged_motion(model, recording)
+    along = (logged.q, logged.dq, logged.ddq)
+    nominal = inverse_dynamics(model.chain, model.nominal, *along)
+    parameters = inverse_dynamics(model.chain, model.parameters, *along)
+    corrected = inverse_dynamics(model.chain, model.final, *along)
+    corrected = _shifted(corrected, model.final_timing * logged.sample_rate)
+    for term in model.terms:
+        corrected += term_torque(term, logged)
+    torques = (nominal, _shifted(parameters, model.parameters_timing * logged.sample_rate), corrected)
+    # A log whose time stamps stray was resampled.
+    return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
+
+
+def term_torque(term: Term, logged: Logged) -> Array:
+    """An effect's torque along one run, (N, n) N·m; zero for an event that this run does not show."""
+    family = effect(term.effect).signature([logged], term.joint, term.into)
+    member = member_of(family, term.shape)
+    if member is None or member.count != len(term.coefficients):
+        return np.zeros_like(logged.q)
+    # einsum, not a BLAS product: its sums do not depend on the number of threads.
+    return np.einsum("tjk,k->tj", member.spread(0, logged.joints), term.coefficients)
+
+
+def member_of(family: Family, shape: dict[str, float]) -> Member | None:
+    """The family's member of that shape, or None where these runs have none."""
+    if family.members and family.member is not None and shape:
+        return family.member(shape)
+    return next((member for member in family.members if member.shape == shape), None)
+
+
+def logged_motion(model: Corrected, recording: Recording) -> Logged:
+    """The motion of a recording with no trace of its torque, and the model along it."""
+    # The torque is not read, so that it cannot matter.
+    raw = motion(replace(recording, torque=np.zeros_like(recording.position)))
+    rate = raw.sample_rate
+    cutoff = POSITION_BAND * filter_cutoff(rate)
+    signals = differentiate(raw, "butterworth_central", cutoff)
+    same_grid = len(signals.q) == len(recording.time)
+    reference = (
+        recording.reference_position,
+        recording.reference_velocity,
+        recording.reference_acceleration,
+    )
+    kept: Sequence[Array | None] = reference if same_grid else (None, None, None)
+    logged = Logged(
+        chain=model.chain,
+        parameters=model.linearised,
+        nominal=model.nominal,
+        limits=model.limits,
+        time=recording.time[0] + np.arange(len(signals.q)) / rate,
+        sample_rate=rate,
+        cutoff=cutoff,
+        q=signals.q,
+        dq=signals.dq,
+        ddq=signals.ddq,
+        tau=np.zeros_like(signals.q),
+        temperature=recording.temperature if same_grid else None,
+        reference_position=kept[0],
+        reference_velocity=kept[1],
+        reference_acceleration=kept[2],
+        body_rotation=model.body_rotation,
+        body_origin=model.body_origin,
+    )
+    command = _command(model, recording, logged.dq) if same_grid else None
+    return replace(logged, tau=logged.predicted, torque_command=command)
+
+
+def _command(model: Corrected, recording: Recording, dq: Array) -> Array | None:
+    """What the log's controller asked for along this motion, (N, n) N·m; None where that is not known."""
+    controller = recording.controller
+    position, velocity = recording.reference_position, recording.reference_velocity
+    if controller is None or controller.kp is None or controller.kd is None:
+        return None
+    if position is None or velocity is None:
+        return None
+    command = controller.kp * (position - recording.position) + controller.kd * (velocity - dq)
+    if controller.kind == "pd_with_model_feedforward":
+        acceleration, smoothing = recording.reference_acceleration, controller.coulomb_smoothing
+        if acceleration is None or smoothing is None:
+            return None
+        reference = Reference(position, velocity, acceleration)
+        command = command + feedforward(model.chain, model.nominal, reference, smoothing)
+    return np.clip(command, -model.limits.torque, model.limits.torque)
+
+
+def _shifted(torque: Array, samples: float) -> Array:
+    """The torque that many samples later, (N, n); held at the ends."""
+    instants = np.arange(len(torque), dtype=np.float64)
+    return np.column_stack([np.interp(instants - samples, instants, column) for column in torque.T])
+
+
+def _at(time: Array, grid: Array, torque: Array) -> Array:
+    """A torque on a grid, at other instants."""
+    if len(time) == len(grid):
+        return torque
+    return np.column_stack([np.interp(time, grid, column) for column in torque.T])

@@ -1,0 +1,174 @@
+"""From logs to equations: every run filtered once, with what the given model says along it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+
+from identification.chain import Chain
+from identification.differentiation import differentiate
+from identification.errors import InputError
+from identification.models import POSITION_BAND, Preprocessing
+from identification.parameters import COULOMB, PER_JOINT
+from identification.regressor import regressor
+from testbench.effects.signature import Logged
+from testbench.identify import motion
+from testbench.log import Recording
+from testbench.robot import Robot
+
+from .decimation import DecimatingFilter, decimating_filter
+
+Array = NDArray[np.float64]
+
+# The band in which gaps are sought, and how slow a joint must be for its friction's sign to be unknown.
+CUTOFF = 20.0
+DEAD_ZONE = 0.02
+# The filter smears a wrong sign over half a cut-off period to either side.
+REACH_PERIODS = 0.5
+SMALLEST_RUN = 40
+# Blocks that stand in for runs when there is only one.
+BLOCKS = 3
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run ready for fitting; M decimated samples, n joints, SI units at the joint.
+
+    name: the log's. logged: full-rate signals with the model's prediction. filter: of torque and
+    columns alike. kept: (M,) indices of the
+    decimated samples. time: (M,) s. q, dq, ddq: (M, n). torque: (M, n) filtered.
+    rows: (M, n, 14 n) filtered standard regressor. used: (M, n) bool, away from rest.
+    """
+
+    name: str
+    logged: Logged
+    filter: DecimatingFilter
+    kept: NDArray[np.int64]
+    time: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    torque: Array
+    rows: Array
+    used: NDArray[np.bool_]
+
+    def filtered(self, columns: Array) -> Array:
+        """Full-rate columns (N, ...) through the torque's filter and decimation, (M, ...)."""
+        return self.filter(columns)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """All runs, and the folds that are left out in turn.
+
+    folds: per fold, the run's index and the samples (into its M) that belong to it.
+    """
+
+    robot: Robot
+    runs: tuple[Run, ...]
+    folds: tuple[tuple[int, slice], ...]
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return self.robot.joints
+
+    @property
+    def nominal(self) -> Array:
+        """(14 n,) standard parameters of the model as given."""
+        return self.robot.parameters
+
+    def with_parameters(self, parameters: Array) -> "Prepared":
+        """The same runs with the effects linearised about other standard parameters (14 n,)."""
+        runs = tuple(replace(run, logged=replace(run.logged, parameters=parameters)) for run in self.runs)
+        return replace(self, runs=runs)
+
+
+def filter_cutoff(sample_rate: float) -> float:
+    """The low-pass of torque and columns at this sample rate, Hz."""
+    return Preprocessing(CUTOFF).at(sample_rate).cutoff
+
+
+def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
+    """Filter every run and write its equations. Raises InputError for runs that are too short."""
+    if not recordings:
+        raise InputError("diagnose", "logs", "at least one", 0)
+    runs = tuple(_run(robot, name, recording) for name, recording in recordings.items())
+    if len(runs) > 1:
+        folds = tuple((index, slice(0, len(run.time))) for index, run in enumerate(runs))
+    else:
+        edges = np.linspace(0, len(runs[0].time), BLOCKS + 1).astype(int)
+        folds = tuple((0, slice(int(a), int(b))) for a, b in zip(edges[:-1], edges[1:], strict=True))
+    return Prepared(robot, runs, folds)
+
+
+def _run(robot: Robot, name: str, recording: Recording) -> Run:
+    raw = motion(recording)
+    rate = raw.sample_rate
+    cutoff = filter_cutoff(rate)
+    signals = differentiate(raw, "butterworth_central", POSITION_BAND * cutoff)
+    samples = len(signals.q)
+    low_pass = decimating_filter(rate, cutoff)
+    kept = low_pass.kept(samples)
+    if len(kept) < SMALLEST_RUN:
+        needed = 2 * low_pass.reach + SMALLEST_RUN * low_pass.step
+        raise InputError(name, "time", f"at least {needed} samples for a {cutoff:g} Hz filter", samples)
+    reach = 2 * round(REACH_PERIODS * rate / cutoff) + 1
+    resting = maximum_filter1d(np.abs(signals.dq) <= DEAD_ZONE, reach, axis=0)
+    same_grid = len(recording.time) == samples
+    logged = Logged(
+        chain=robot.chain,
+        parameters=robot.parameters,
+        nominal=robot.parameters,
+        limits=robot.limits,
+        time=recording.time[0] + np.arange(samples) / rate,
+        sample_rate=rate,
+        cutoff=POSITION_BAND * cutoff,
+        q=signals.q,
+        dq=signals.dq,
+        ddq=signals.ddq,
+        tau=signals.tau,
+        # A resampled log has lost the grid of its other channels.
+        temperature=recording.temperature if same_grid else None,
+        torque_command=recording.torque_command if same_grid else None,
+        reference_position=recording.reference_position if same_grid else None,
+        reference_velocity=recording.reference_velocity if same_grid else None,
+        reference_acceleration=recording.reference_acceleration if same_grid else None,
+        **_last_body(robot),
+    )
+    rows = regressor(robot.chain, signals.q, signals.dq, signals.ddq)
+    filtered = np.zeros((len(kept), robot.joints, PER_JOINT * robot.joints))
+    for joint in range(robot.joints):
+        # Links before the joint never load it.
+        loaded = slice(PER_JOINT * joint, None)
+        filtered[:, joint, loaded] = low_pass(rows[:, joint, loaded])
+    return Run(
+        name=name,
+        logged=logged,
+        filter=low_pass,
+        kept=kept,
+        time=kept / rate,
+        q=signals.q[kept],
+        dq=signals.dq[kept],
+        ddq=signals.ddq[kept],
+        torque=low_pass(signals.tau),
+        rows=filtered,
+        used=~resting[kept],
+    )
+
+
+def _last_body(robot: Robot) -> dict[str, Array]:
+    """The last moving body's frame in the last link's frame."""
+    return {"body_rotation": np.eye(3), "body_origin": np.zeros(3)}
+
+
+def friction_scale(chain: Chain, parameters: Array) -> Array:
+    """Coulomb friction of each joint by the model, (n,) N·m."""
+    return parameters.reshape(chain.joints, PER_JOINT)[:, COULOMB]
+
+
+def names_of(runs: Sequence[Run]) -> list[str]:
+    """The runs' names."""
+    return [run.name for run in runs]

@@ -1,0 +1,48 @@
+"""How far a model's parameters may be from the robot's before that itself needs explaining.
+
+Widths of what one expects of CAD and data sheets, one standard deviation; a common scale is
+estimated with the fit (a heavy-tailed prior: the penalty grows like a logarithm, so a model that
+is worse than expected throughout is not held against any effect).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.parameters import ARMATURE, COULOMB, OFFSET, PER_JOINT, VISCOUS
+
+Array = NDArray[np.float64]
+
+MASS, CENTRE, INERTIA = 0.10, 0.02, 0.20
+ROTOR, FRICTION = 0.20, 0.35
+OFFSET_SHARE = 0.03
+# Half a size of this share of the arm's largest link stands in where a model has next to nothing.
+FLOOR = 0.01
+TIMING = 1e-3
+
+
+def parameter_widths(nominal: Array, torque_scale: Array) -> Array:
+    """Standard deviations (14 n,) of the robot's standard parameters about the model's.
+
+    torque_scale: (n,) N·m, a typical torque of each joint; friction that the model leaves out is
+    judged by it.
+    """
+    table = nominal.reshape(-1, PER_JOINT)
+    mass = np.maximum(table[:, 9], FLOOR * table[:, 9].max())
+    size = np.sqrt(np.maximum(np.trace(_inertia(table), axis1=1, axis2=2) / (2 * mass), CENTRE**2))
+    out = np.empty_like(table)
+    out[:, :6] = (INERTIA * mass * size**2 + MASS * mass * size**2)[:, None]
+    out[:, 6:9] = (np.hypot(CENTRE, MASS * size) * mass)[:, None]
+    out[:, 9] = MASS * mass
+    out[:, ARMATURE] = ROTOR * table[:, ARMATURE] + FLOOR * (mass * size**2)
+    out[:, VISCOUS] = FRICTION * table[:, VISCOUS] + FLOOR * torque_scale
+    out[:, COULOMB] = FRICTION * table[:, COULOMB] + FLOOR * torque_scale
+    out[:, OFFSET] = OFFSET_SHARE * table[:, COULOMB] + 1e-3 * torque_scale
+    return out.ravel()
+
+
+def _inertia(table: Array) -> Array:
+    """Rotational inertia of each link about its origin, (n, 3, 3)."""
+    out = np.zeros((len(table), 3, 3))
+    rows, columns = [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]
+    out[:, rows, columns] = out[:, columns, rows] = table[:, :6]
+    return out

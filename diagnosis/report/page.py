@@ -1,0 +1,127 @@
+"""report.html of a diagnosis: one page that needs nothing but a browser."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from testbench.files import replacing
+from testbench.report.page import Tile, page_environment, plot
+
+from ..discrimination import NextExperiment
+from ..findings import Diagnosis
+from ..forward import ForwardGap
+from . import figures, words
+
+
+def write_report(
+    diagnosis: Diagnosis,
+    path: str | Path,
+    not_in_mjcf: Sequence[str] = (),
+    forward: ForwardGap | None = None,
+    next_experiment: NextExperiment | None = None,
+) -> None:
+    """Write report.html, whole or not at all. Two pages of one diagnosis differ in the time stamp only."""
+    created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    text = render(diagnosis, created, not_in_mjcf, forward, next_experiment)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def render(
+    diagnosis: Diagnosis,
+    created: str,
+    not_in_mjcf: Sequence[str] = (),
+    forward: ForwardGap | None = None,
+    next_experiment: NextExperiment | None = None,
+) -> str:
+    """The page as text."""
+    robot = diagnosis.robot
+    named = {(each.effect, each.joint, each.into) for each in diagnosis.effects}
+    ranked = sorted(diagnosis.ranked, key=lambda each: (-each.probability, -each.score))
+    ruled_out = [each for each in ranked if (each.effect, each.joint, each.into) not in named]
+    hidden: dict[str, list[str]] = {}
+    for effect, joint in diagnosis.not_observable:
+        hidden.setdefault(words.title(effect), []).append(words.place(robot, joint))
+    environment = page_environment("diagnosis.report", "testbench.report")
+    gap = diagnosis.gap
+    return environment.get_template("diagnosis.html").render(
+        robot=robot.name,
+        model=robot.path.name,
+        created=created,
+        runs=[run.name for run in diagnosis.prepared.runs],
+        sentence=diagnosis.sentence,
+        tiles=_tiles(diagnosis),
+        where=plot("where", "", figures.where(diagnosis)) if diagnosis.where else None,
+        effects=[
+            {
+                "name": words.title(each.effect),
+                "place": words.place(robot, each.joint, each.into),
+                "probability": 100 * each.probability,
+                "share": 100 * each.held_out_share,
+                "parameters": words.parameters(each),
+                "confusable": words.titles(each.confusable_with) if each.confusable_with else "",
+            }
+            for each in diagnosis.effects
+        ],
+        evidence=plot("evidence", "", figures.evidence(diagnosis)) if ranked else None,
+        ruled_out=[
+            {
+                "label": words.labelled(robot, each.effect, each.joint, each.into),
+                "probability": 100 * each.probability,
+                "score": each.score,
+                "reason": each.reason,
+            }
+            for each in ruled_out
+        ],
+        hidden=[(name, ", ".join(places)) for name, places in hidden.items()],
+        how_far=[
+            plot("waterfall", "All joints", figures.waterfall(diagnosis)),
+            plot("gap", "Each joint", figures.gap_by_joint(diagnosis)),
+        ],
+        joints=[
+            {
+                "name": name,
+                "unit": unit,
+                "nominal": gap.nominal[joint],
+                "parameters": gap.parameters[joint],
+                "effects": gap.effects[joint],
+                "floor": gap.noise_floor[joint],
+            }
+            for joint, (name, unit) in enumerate(zip(robot.joint_names, robot.units(), strict=True))
+        ],
+        signatures=[
+            plot(
+                f"signature-{index}",
+                figures.signature_caption(diagnosis, each),
+                figures.signature(diagnosis, each),
+            )
+            for index, each in enumerate(diagnosis.effects)
+        ],
+        residual=plot("residual", "", figures.before_and_after(diagnosis)),
+        forward=plot("forward", "", figures.forward(diagnosis, forward))
+        if forward is not None and forward.motion
+        else None,
+        forward_runs="" if forward is None else f"{', '.join(forward.runs)}, {forward.seconds:.3g} s",
+        forward_failed=[] if forward is None else list(forward.failed.items()),
+        experiment=next_experiment,
+        unknown=diagnosis.verdict == "unknown",
+        not_in_mjcf=list(not_in_mjcf),
+        notes=list(diagnosis.notes),
+        plotly=Markup(get_plotlyjs()),
+    )
+
+
+def _tiles(diagnosis: Diagnosis) -> list[Tile]:
+    gap, unit = diagnosis.gap, words.torque_unit(diagnosis.robot)
+    total = {stage: float(getattr(gap, stage).sum()) for stage in ("nominal", "parameters", "effects")}
+    tiles = [Tile(words.verdict(diagnosis), "verdict", diagnosis.verdict in ("none", "parameters", "effect"))]
+    if diagnosis.effects:
+        tiles.append(Tile(f"{100 * diagnosis.effects[0].probability:.0f} %", "certain of the first effect"))
+    tiles.append(Tile(f"{total['nominal']:.3g} {unit}", "torque error, model as given"))
+    tiles.append(Tile(f"{total['effects']:.3g} {unit}", "after correction"))
+    if gap.closed is not None and diagnosis.effects:
+        tiles.append(Tile(f"{100 * gap.closed:.0f} %", "of the reducible gap closed", gap.closed >= 0.8))
+    return tiles

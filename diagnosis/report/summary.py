@@ -1,0 +1,62 @@
+"""The diagnosis in ten lines for the terminal."""
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from testbench.summary import WIDTH
+
+from ..discrimination import NextExperiment
+from ..findings import Diagnosis
+from . import words
+
+MOST_LINES, MOST_EFFECTS, MOST_RIVALS = 10, 3, 2
+
+
+def print_summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None) -> None:
+    """Print the summary on standard output, 110 columns wide where that is not a terminal."""
+    console = Console()
+    if not console.is_terminal:
+        console.width = WIDTH
+    console.print(summary(diagnosis, next_experiment), soft_wrap=True)
+
+
+def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None) -> Text:
+    """Verdict, where, which, how far and what next, at most ten lines."""
+    robot, gap = diagnosis.robot, diagnosis.gap
+    lines = [Text(diagnosis.sentence, style="bold")]
+    if diagnosis.where:
+        shares = [
+            f"{100 * w.share:.0f} % {robot.joint_names[w.joint]} {w.regime}" for w in diagnosis.where[:3]
+        ]
+        lines.append(_line("where", "; ".join(shares)))
+    for each in diagnosis.effects[:MOST_EFFECTS]:
+        label = words.labelled(robot, each.effect, each.joint, each.into)
+        lines.append(_line("effect", f"{label}: {100 * each.probability:.0f} %; {words.parameters(each)}"))
+    ambiguous = next((each for each in diagnosis.effects if each.confusable_with), None)
+    if ambiguous is not None:
+        others_like = words.titles(ambiguous.confusable_with)
+        lines.append(
+            _line("open", f"{words.title(ambiguous.effect)} may be {others_like}: these runs cannot tell")
+        )
+    named = {(each.effect, each.joint, each.into) for each in diagnosis.effects}
+    ranked = sorted(diagnosis.ranked, key=lambda each: (-each.probability, -each.score))
+    others = [each for each in ranked if (each.effect, each.joint, each.into) not in named][:MOST_RIVALS]
+    if others:
+        listed = [
+            f"{words.labelled(robot, each.effect, each.joint, each.into)} ({100 * each.probability:.0f} %)"
+            for each in others
+        ]
+        lines.append(_line("not", "; ".join(listed)))
+    stages = (("given", gap.nominal), ("re-identified", gap.parameters), ("with effects", gap.effects))
+    told = " → ".join(f"{np.sum(rms):.3g} {name}" for name, rms in stages)
+    closed = "" if gap.closed is None or not diagnosis.effects else f"; {100 * gap.closed:.0f} % closed"
+    unit = words.torque_unit(robot)
+    lines.append(_line("gap", f"{told}, noise {np.sum(gap.noise_floor):.3g} {unit}{closed}"))
+    if next_experiment is not None:
+        lines.append(_line("next", next_experiment.why))
+    return Text("\n").join(lines[:MOST_LINES])
+
+
+def _line(label: str, text: str) -> Text:
+    return Text.assemble((f"{label:8}", "dim"), text)

@@ -1,0 +1,72 @@
+"""Effects, numbers and places as the page, the terminal and the session spell them."""
+
+from collections.abc import Sequence
+
+from testbench.effects import effects
+from testbench.effects.signature import Quantity
+from testbench.findings import significant
+from testbench.robot import Robot
+
+from ..findings import Diagnosis, NamedEffect
+
+
+def title(effect: str) -> str:
+    """An effect's title, for people."""
+    known = effects().get(effect)
+    return effect.replace("_", " ") if known is None else known.DESCRIPTION.title
+
+
+def place(robot: Robot, joint: int | None, into: int | None = None) -> str:
+    """Where an effect acts."""
+    if joint is None:
+        return "whole robot"
+    first = robot.joint_names[joint]
+    return first if into is None else f"{first} and {robot.joint_names[into]}"
+
+
+def labelled(robot: Robot, effect: str, joint: int | None, into: int | None = None) -> str:
+    """An effect with its place."""
+    return f"{title(effect)}, {place(robot, joint, into)}"
+
+
+def quantity(value: Quantity) -> str:
+    """A value with its standard deviation and unit."""
+    unit = "" if value.unit == "-" else f" {value.unit}"
+    if isinstance(value.value, tuple) and isinstance(value.std, tuple):
+        parts = [
+            f"{significant(v, 3)} ± {significant(s, 2)}" for v, s in zip(value.value, value.std, strict=True)
+        ]
+        return f"({', '.join(parts)}){unit}"
+    if isinstance(value.value, tuple) or isinstance(value.std, tuple):
+        raise ValueError("value and std of a quantity must have the same components")
+    deviation = f" ± {significant(value.std, 2)}" if value.std > 0 else ""
+    return f"{significant(value.value, 3)}{deviation}{unit}"
+
+
+def parameters(named: NamedEffect) -> str:
+    """All parameters of a named effect on one line."""
+    return ", ".join(
+        f"{name.replace('_', ' ')} {quantity(value)}" for name, value in named.parameters.items()
+    )
+
+
+def torque_unit(robot: Robot) -> str:
+    """N·m, N, or both where the robot has hinge and slide joints."""
+    units = sorted(set(robot.units()), reverse=True)
+    return units[0] if len(units) == 1 else "N·m (N for a slide joint)"
+
+
+def titles(names: Sequence[str]) -> str:
+    """Titles of several effects in a sentence."""
+    words = [title(name).lower() for name in names]
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " or " + words[-1]
+
+
+def verdict(diagnosis: Diagnosis) -> str:
+    """The verdict in two or three words."""
+    return {
+        "none": "no gap",
+        "parameters": "wrong parameters",
+        "effect": "unmodelled effect" + ("s" if len(diagnosis.effects) > 1 else ""),
+        "unknown": "unknown cause",
+    }[diagnosis.verdict]

@@ -1,0 +1,279 @@
+"""The extended Kalman filter of a robot arm with its base parameters as constant states.
+
+Gautier & Poignet (2001), "Extended Kalman filtering and weighted least squares dynamic identification
+of robot", Control Engineering Practice 9(12): the state [q, dq, beta] is driven by the measured torque,
+
+    d/dt dq = M(q, beta)^-1 (tau - h(q, dq, beta)),   d/dt beta = 0,
+
+and the position is measured. The noise of the torque is that of the prediction. Coulomb friction is
+linear inside the dead zone, where the sign of the velocity is unknown and a joint's torque says little.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from .inverse_dynamics import _inverse_dynamics
+from .kinematics import kernel
+from .parameters import COULOMB, PER_JOINT
+from .regressor import _regressor
+
+# Step of the differences in position and velocity, rad and rad/s (m).
+DIFFERENCE = 1e-6
+
+
+@kernel
+def extended_kalman_filter(  # type: ignore[no-untyped-def]
+    chain, columns, slots, position, torque, timing, dead_zone, noise, scale, constant, state, covariance
+) -> Any:
+    """Run over K samples; ``state`` and ``covariance`` become those after the last. True if all went well.
+
+    chain: (is_slide, rotation, translation, gravity). columns, slots: of the base regressor.
+    position: (K, n). torque: (k (K - 1) + 1, n), k to each step between positions. timing: k, the seconds
+    between torques, and the steps of integration from one to the next. dead_zone: (n,) rad/s. noise:
+    variance of the position (n,) and of the torque over each step (K - 1, n). scale: (b,) the parameters'
+    units in the state. constant: (14 n,) to which they are added at ``columns``. state: (2 n + b,).
+    covariance: its, in those units. False where the mass matrix is not positive.
+    """
+    position_variance, torque_variance = noise
+    stride, sample_time, substeps = timing
+    step = stride * sample_time
+    n, b = position.shape[1], columns.size
+    size = 2 * n + b
+    table, coulomb = np.empty((n, PER_JOINT)), np.empty(n)
+    gain, column = np.empty(size), np.empty(size)
+    slopes = np.empty((2 * n, size))
+    inverse, acceleration = np.empty((n, n)), np.empty(n)
+    work = (np.empty((2 * n + 1, n)), np.empty((2 * n + 1, n)), np.empty((2 * n + 1, n)))
+    torques, mass = np.empty((2 * n + 1, n)), np.empty((n, n))
+    rows = np.empty((1, n, b))
+    for k in range(position.shape[0]):
+        if k > 0:
+            _parameters(constant, columns, scale, state[2 * n :], table, coulomb)
+            robot = (chain, table, coulomb, dead_zone)
+            first = stride * (k - 1)
+            q, dq = state[:n], state[n : 2 * n]
+            if not _accelerate(robot, q, dq, torque[first], work, torques, mass, acceleration):
+                return False
+            _invert(mass, inverse)
+            _slopes(robot, columns, slots, scale, state, acceleration, inverse, work, torques, rows, slopes)
+            _propagate(covariance, slopes, inverse, torque_variance[k - 1], step)
+            for sample in range(first, first + stride):
+                if not _integrate(
+                    robot,
+                    q,
+                    dq,
+                    torque[sample],
+                    torque[sample + 1],
+                    sample_time,
+                    substeps,
+                    work,
+                    torques,
+                    mass,
+                ):
+                    return False
+        for j in range(n):
+            _correct(state, covariance, j, position[k, j], position_variance[j], gain, column)
+    return True
+
+
+@kernel
+def _parameters(constant, columns, scale, scaled, table, coulomb):  # type: ignore[no-untyped-def]
+    """Standard parameters of the state: without Coulomb friction in ``table`` (n, 14), which goes apart."""
+    flat = table.reshape(-1)
+    flat[:] = constant
+    for i in range(columns.size):
+        flat[columns[i]] += scale[i] * scaled[i]
+    for j in range(coulomb.size):
+        coulomb[j] = table[j, COULOMB]
+        table[j, COULOMB] = 0.0
+
+
+@kernel
+def _direction(velocity, dead_zone):  # type: ignore[no-untyped-def]
+    """The velocity's sign, linear inside the dead zone."""
+    return min(1.0, max(-1.0, velocity / dead_zone))
+
+
+@kernel
+def _accelerate(robot, q, dq, tau, work, torques, mass, out):  # type: ignore[no-untyped-def]
+    """Forward dynamics: ddq (n,) into ``out``, the mass matrix's Cholesky factor into ``mass``."""
+    (is_slide, rotation, translation, gravity), table, coulomb, dead_zone = robot
+    n = q.size
+    positions, velocities, accelerations = work
+    for r in range(n + 1):
+        for j in range(n):
+            positions[r, j], velocities[r, j] = q[j], dq[j]
+            accelerations[r, j] = 1.0 if r == j else 0.0
+    _inverse_dynamics(
+        is_slide, rotation, translation, gravity, table, 0.0,
+        positions[: n + 1], velocities[: n + 1], accelerations[: n + 1], torques[: n + 1],
+    )  # fmt: skip
+    for i in range(n):
+        for j in range(n):
+            mass[i, j] = torques[j, i] - torques[n, i]
+        out[i] = tau[i] - torques[n, i] - coulomb[i] * _direction(dq[i], dead_zone[i])
+    for j in range(n):
+        for i in range(j, n):
+            entry = mass[i, j]
+            for c in range(j):
+                entry -= mass[i, c] * mass[j, c]
+            if i == j:
+                if not entry > 0.0:
+                    return False
+                mass[j, j] = np.sqrt(entry)
+            else:
+                mass[i, j] = entry / mass[j, j]
+    _solve(mass, out)
+    return True
+
+
+@kernel
+def _solve(factor, x):  # type: ignore[no-untyped-def]
+    """x <- (L L')^-1 x in place, L the lower triangle of ``factor``."""
+    n = x.size
+    for i in range(n):
+        for c in range(i):
+            x[i] -= factor[i, c] * x[c]
+        x[i] /= factor[i, i]
+    for i in range(n - 1, -1, -1):
+        for c in range(i + 1, n):
+            x[i] -= factor[c, i] * x[c]
+        x[i] /= factor[i, i]
+
+
+@kernel
+def _invert(factor, out):  # type: ignore[no-untyped-def]
+    """(L L')^-1 into ``out``."""
+    out[:] = 0.0
+    for j in range(out.shape[0]):
+        out[j, j] = 1.0
+        _solve(factor, out[j])
+
+
+@kernel
+def _slopes(  # type: ignore[no-untyped-def]
+    robot, columns, slots, scale, state, acceleration, inverse, work, torques, rows, slopes
+):
+    """The derivative of (dq, ddq) with respect to the state into ``slopes`` (2 n, 2 n + b).
+
+    The slope of friction inside the dead zone is left out: too steep for a step, and not to be relied on.
+    """
+    (is_slide, rotation, translation, gravity), table, _, dead_zone = robot
+    n, b = acceleration.size, columns.size
+    positions, velocities, accelerations = work
+    for r in range(2 * n + 1):
+        for j in range(n):
+            positions[r, j], velocities[r, j], accelerations[r, j] = state[j], state[n + j], acceleration[j]
+    for j in range(n):
+        positions[j, j] += DIFFERENCE
+        velocities[n + j, j] += DIFFERENCE
+    _inverse_dynamics(
+        is_slide, rotation, translation, gravity, table, 0.0, positions, velocities, accelerations, torques
+    )
+    _regressor(
+        is_slide, rotation, translation, gravity, slots, 0.0,
+        positions[2 * n :], velocities[2 * n :], accelerations[2 * n :], rows,
+    )  # fmt: skip
+    for i in range(b):
+        if columns[i] % PER_JOINT == COULOMB:
+            joint = columns[i] // PER_JOINT
+            rows[0, joint, i] = _direction(state[n + joint], dead_zone[joint])
+    slopes[:] = 0.0
+    for i in range(n):
+        slopes[i, n + i] = 1.0
+    for r in range(2 * n):
+        for j in range(n):
+            change = (torques[r, j] - torques[2 * n, j]) / DIFFERENCE
+            for i in range(n):
+                slopes[n + i, r] -= inverse[i, j] * change
+    for c in range(b):
+        for j in range(n):
+            change = rows[0, j, c] * scale[c]
+            if change != 0.0:
+                for i in range(n):
+                    slopes[n + i, 2 * n + c] -= inverse[i, j] * change
+
+
+@kernel
+def _propagate(covariance, slopes, inverse, variance, step):  # type: ignore[no-untyped-def]
+    """P <- F P F' + G S G' with F = 1 + A h + (A h)² / 2, in place; S the variance of the torques held."""
+    n, size = variance.size, covariance.shape[0]
+    half = 0.5 * step
+    # F - 1 of the moving states; the parameters stay.
+    change = np.empty((2 * n, size))
+    for r in range(2 * n):
+        for c in range(size):
+            entry = slopes[r, c]
+            for i in range(2 * n):
+                entry += half * slopes[r, i] * slopes[i, c]
+            change[r, c] = step * entry
+    moved = np.zeros((2 * n, size))
+    for r in range(2 * n):
+        for i in range(size):
+            factor = change[r, i]
+            if factor != 0.0:
+                for c in range(size):
+                    moved[r, c] += factor * covariance[i, c]
+    for r in range(2 * n):
+        for c in range(r, 2 * n):
+            entry = moved[r, c] + moved[c, r]
+            for i in range(size):
+                entry += moved[r, i] * change[c, i]
+            covariance[r, c] += entry
+        for c in range(2 * n, size):
+            covariance[r, c] += moved[r, c]
+    for i in range(n):
+        for j in range(i, n):
+            spread = 0.0
+            for c in range(n):
+                spread += inverse[i, c] * variance[c] * inverse[j, c]
+            spread *= step * step
+            covariance[i, j] += 0.25 * step * step * spread
+            covariance[i, n + j] += half * spread
+            if i != j:
+                covariance[j, n + i] += half * spread
+            covariance[n + i, n + j] += spread
+    for r in range(size):
+        for c in range(r):
+            covariance[r, c] = covariance[c, r]
+
+
+@kernel
+def _integrate(robot, q, dq, before, after, step, substeps, work, torques, mass):  # type: ignore[no-untyped-def]
+    """Move q and dq (n,) on by ``step`` with the midpoint rule, torque linear in between."""
+    n = before.size
+    h = step / substeps
+    position, velocity, tau, acceleration = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for s in range(substeps):
+        for stage in range(2):
+            share = (s + 0.5 * stage) / substeps
+            for j in range(n):
+                tau[j] = before[j] + share * (after[j] - before[j])
+                position[j], velocity[j] = q[j], dq[j]
+                if stage == 1:
+                    position[j] += 0.5 * h * dq[j]
+                    velocity[j] += 0.5 * h * acceleration[j]
+            if not _accelerate(robot, position, velocity, tau, work, torques, mass, acceleration):
+                return False
+        for j in range(n):
+            q[j] += h * velocity[j]
+            dq[j] += h * acceleration[j]
+    return True
+
+
+@kernel
+def _correct(state, covariance, index, measured, variance, gain, row):  # type: ignore[no-untyped-def]
+    """Take in one measured state, covariance in Joseph's form (1 - k e') P (1 - k e')' + k r k'."""
+    size = state.size
+    spread = covariance[index, index] + variance
+    error = measured - state[index]
+    for i in range(size):
+        gain[i] = covariance[i, index] / spread
+        row[i] = covariance[index, i]
+        state[i] += gain[i] * error
+    for i in range(size):
+        for j in range(i, size):
+            entry = covariance[i, j] - gain[i] * row[j] - row[i] * gain[j] + gain[i] * gain[j] * spread
+            covariance[i, j] = entry
+            covariance[j, i] = entry

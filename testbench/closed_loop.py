@@ -1,0 +1,221 @@
+"""Logged runs simulated again in MuJoCo, with candidate parameters in the plant.
+
+Reference, controller and sampling are those of the logs; the controller's feedforward stays that of
+the nominal model, as it was on the robot. Sensors are exact.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.chain import frame_with_z
+from identification.closed_loop import SimulatedRun
+from identification.errors import InputError
+from identification.parameters import (
+    ARMATURE,
+    COULOMB,
+    INERTIAL,
+    OFFSET,
+    PER_JOINT,
+    VISCOUS,
+    pseudo_inertia,
+)
+
+from .log import Controller, Recording
+from .robot import Robot
+from .simulation import layout
+from .simulation.bare_model import bare_model
+from .simulation.batch import Loop, run_loops
+from .simulation.controller import KINDS, ControllerOptions, feedforward, velocity_pole
+from .simulation.hooks import Standstill
+from .simulation.plant import plant_model, resting_pose
+from .simulation.reference import Reference
+
+Array = NDArray[np.float64]
+
+# s, at most: half of what the candidates' accuracy of 1e-3 needs.
+PHYSICS_TIMESTEP = 1e-3
+# Loops in one batch, which bounds the memory of their logs.
+LOOPS = 24
+# Time stamps that stray further from the grid than this share of a step are no grid.
+GRID_TOLERANCE = 0.01
+
+
+@dataclass(frozen=True)
+class RecordedLoops:
+    """The closed loops of some recordings; implements ``identification.closed_loop.ClosedLoop``.
+
+    robot: the model that the controller knows. threads: workers (all cores when None).
+    """
+
+    robot: Robot
+    recordings: tuple[Recording, ...]
+    threads: int | None = None
+
+    def simulate(self, candidates: Array) -> list[tuple[SimulatedRun, ...]]:
+        """Every recording's motion for each candidate, standard parameters (C, 14 n).
+
+        Raises InputError for a log without reference or controller gains, for one that is not sampled
+        at the controller's ticks, and for candidates that MuJoCo cannot carry or that are unstable.
+        """
+        loops = [self._loop(run, candidate) for candidate in candidates for run in self._runs]
+        motions = []
+        for start in range(0, len(loops), LOOPS):
+            for output in run_loops(loops[start : start + LOOPS], self.threads):
+                channels = (layout.POSITION, layout.VELOCITY, layout.ACCELERATION)
+                motions.append(SimulatedRun(*(output[:, channel].copy() for channel in channels)))
+        each = len(self.recordings)
+        return [tuple(motions[start : start + each]) for start in range(0, len(motions), each)]
+
+    @cached_property
+    def _runs(self) -> tuple["_Run", ...]:
+        return tuple(_run(self.robot, recording) for recording in self.recordings)
+
+    @cached_property
+    def _plant(self) -> Any:
+        """The robot's moving masses, to be given a candidate's parameters."""
+        return bare_model(self.robot.model)
+
+    def _loop(self, run: "_Run", candidate: Array) -> Loop:
+        """The closed loop of one run with a candidate in the plant."""
+        n = self.robot.joints
+        table = candidate.reshape(n, PER_JOINT)
+        plant = plant_model(self._plant, 1 / (run.controller.rate * run.substeps))
+        _set_inertia(plant, table)
+        # A torque offset is a constant less of drive.
+        forward = run.forward - table[:, OFFSET]
+        nothing = np.zeros(n)
+        still = Standstill((), nothing > 0, nothing, plant.opt.timestep)
+        limit = self.robot.limits.torque
+        reference = run.reference.position
+        at_rest = run.at_rest - table[:, OFFSET]
+        pose, _, hold = resting_pose(plant, reference[0], at_rest, run.kp, limit, still)
+        constants = np.zeros((layout.CONSTANTS, n))
+        constants[layout.VISCOUS] = table[:, VISCOUS]
+        # Friction that drives has no solution.
+        constants[layout.COULOMB] = np.maximum(table[:, COULOMB], 0.0)
+        constants[layout.KP], constants[layout.KD] = run.kp, run.kd
+        constants[layout.TORQUE_LIMIT] = limit
+        return Loop(
+            plant=plant,
+            substeps=run.substeps,
+            rate=run.controller.rate,
+            velocity_pole=run.velocity_pole,
+            constants=constants,
+            inputs=np.stack([reference, run.reference.velocity, forward, np.zeros_like(reference)], axis=1),
+            pose=pose,
+            hold=hold,
+        )
+
+
+def recorded_loops(
+    robot: Robot, recordings: Sequence[Recording], threads: int | None = None
+) -> RecordedLoops | None:
+    """The closed loops of these recordings, or None where one of them tells no reference or controller."""
+    if any(run.reference_position is None or run.controller is None for run in recordings):
+        return None
+    return RecordedLoops(robot, tuple(recordings), threads)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What the loops of one recording share.
+
+    forward: (N, n) feedforward; at_rest: (n,) its value before the motion. kp, kd: (n,).
+    """
+
+    reference: Reference
+    controller: Controller
+    forward: Array
+    at_rest: Array
+    kp: Array
+    kd: Array
+    velocity_pole: float
+    substeps: int
+
+
+def _run(robot: Robot, recording: Recording) -> _Run:
+    controller = recording.controller
+    if controller is None or controller.kind not in KINDS or controller.kp is None or controller.kd is None:
+        kind = "none" if controller is None else repr(controller.kind)
+        raise InputError("log", "controller", "a controller with its gains", kind, KINDS)
+    reference = _reference(recording)
+    rate = controller.rate
+    grid = recording.time[0] + np.arange(len(recording.time)) / rate
+    if np.max(np.abs(recording.time - grid)) > GRID_TOLERANCE / rate:
+        got = f"{recording.sample_rate:g} Hz"
+        raise InputError("log", "time", f"one sample a tick of the controller ({rate:g} Hz)", got)
+    forward, at_rest = np.zeros_like(reference.position), np.zeros(robot.joints)
+    # What the log does not tell has the value of our own controller.
+    options = ControllerOptions(kind=controller.kind, rate=rate)
+    if controller.kind == "pd_with_model_feedforward":
+        smoothing = controller.coulomb_smoothing or options.coulomb_smoothing
+        forward = feedforward(robot.chain, robot.parameters, reference, smoothing)
+        still = np.zeros((2, robot.joints))
+        standing = Reference(reference.position[:2], still, still)
+        at_rest = feedforward(robot.chain, robot.parameters, standing, smoothing)[0]
+    substeps = max(1, int(np.ceil(1 / (rate * PHYSICS_TIMESTEP) - 1e-9)))
+    pole = velocity_pole(options)
+    return _Run(reference, controller, forward, at_rest, controller.kp, controller.kd, pole, substeps)
+
+
+def _reference(recording: Recording) -> Reference:
+    """The motion that the controller was told to follow. Raises InputError where the log lacks a part."""
+    parts = {
+        "reference/position": recording.reference_position,
+        "reference/velocity": recording.reference_velocity,
+        "reference/acceleration": recording.reference_acceleration,
+    }
+    for name, values in parts.items():
+        if values is None:
+            raise InputError("log", name, "a reference to simulate", "none")
+    return Reference(*parts.values())  # type: ignore[arg-type]
+
+
+def _set_inertia(plant: Any, table: Array) -> None:
+    """Give each joint's body the inertia of its link; bodies welded to it keep none.
+
+    table: (n, 14). Raises InputError for a link without mass and for inertia between joints of one body.
+    """
+    carriers = np.asarray(plant.jnt_bodyid)
+    plant.body_mass[:] = 0.0
+    plant.body_inertia[:] = 0.0
+    plant.dof_armature[:] = table[:, ARMATURE]
+    # MuJoCo's shortcuts for aligned frames and diagonal inertia no longer hold.
+    plant.body_sameframe[:] = 0
+    for joint, body in enumerate(carriers):
+        if joint + 1 < len(carriers) and carriers[joint + 1] == body:
+            if np.any(table[joint, :INERTIAL] != 0):
+                name = plant.joint(joint).name
+                raise InputError("model", name, "no inertia between joints of one body", "some")
+            continue
+        if not table[joint, INERTIAL - 1] > 0:
+            got = f"{table[joint, INERTIAL - 1]:g} kg"
+            raise InputError("model", plant.joint(joint).name, "a link of positive mass", got)
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = frame_with_z(plant.jnt_axis[joint]), plant.jnt_pos[joint]
+        pseudo = pose @ pseudo_inertia(table[joint, :INERTIAL]) @ pose.T
+        mass = pseudo[3, 3]
+        center = pseudo[:3, 3] / mass
+        # The second moments and the inertia share their axes; they need not be positive.
+        second, axes = np.linalg.eigh(pseudo[:3, :3] - mass * np.outer(center, center))
+        if np.linalg.det(axes) < 0:
+            axes[:, 0] = -axes[:, 0]
+        plant.body_mass[body], plant.body_ipos[body] = mass, center
+        plant.body_inertia[body] = second.sum() - second
+        plant.body_iquat[body] = _quaternion(axes)
+    plant.body_subtreemass[:] = plant.body_mass
+    for body in range(plant.nbody - 1, 0, -1):
+        plant.body_subtreemass[plant.body_parentid[body]] += plant.body_subtreemass[body]
+
+
+def _quaternion(axes: Array) -> Array:
+    """(w, x, y, z) of a rotation matrix (3, 3)."""
+    out = np.empty(4)
+    mujoco.mju_mat2Quat(out, np.ascontiguousarray(axes).ravel())
+    return out

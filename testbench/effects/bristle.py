@@ -1,0 +1,48 @@
+"""One step of a bristle, the state behind presliding friction.
+
+    dz/dt = v - a stiffness |v| z / level,
+
+which is Dahl's model for a = 1 (Dahl, "A solid friction model", 1968), LuGre where the level falls with
+speed (Canudas de Wit, Olsson, Åström & Lischinsky, IEEE TAC 40(3), 1995), and the elasto-plastic model
+where a = 0 up to a breakaway deflection (Dupont, Hayward, Armstrong & Altpeter, IEEE TAC 47(5), 2002).
+For a velocity held over the step the solution is exponential and exact, so any stiffness is stable.
+"""
+
+import numpy as np
+
+from identification.kinematics import kernel
+
+
+@kernel
+def bristle_step(deflection, velocity, level, stiffness, slipping, timestep):  # type: ignore[no-untyped-def]
+    """Deflection z after ``timestep``, in the unit of the joint's position.
+
+    level: N·m, of friction when sliding. stiffness: N·m/rad. slipping: a, from 0 (elastic) to 1.
+    """
+    if level <= 0.0:
+        return 0.0
+    path = velocity * timestep
+    if slipping <= 0.0:
+        moved = deflection + path
+    else:
+        steady = np.sign(velocity) * level / (slipping * stiffness)
+        moved = steady + (deflection - steady) * np.exp(-abs(path) * slipping * stiffness / level)
+    # Friction never exceeds its level, even where that has just fallen.
+    limit = level / stiffness
+    return min(max(moved, -limit), limit)
+
+
+@kernel
+def unit_bristle(velocity, displacement, timestep, out):  # type: ignore[no-untyped-def]
+    """out (N, d): friction per unit of level along a velocity (N,), for each presliding displacement (d,).
+
+    displacement: level / stiffness, rad. The bristle starts relaxed; velocities lie half a step apart from
+    deflections, so the mean of two samples moves it.
+    """
+    for k in range(displacement.size):
+        deflection = 0.0
+        out[0, k] = 0.0
+        for t in range(1, velocity.size):
+            middle = 0.5 * (velocity[t - 1] + velocity[t])
+            deflection = bristle_step(deflection, middle, 1.0, 1.0 / displacement[k], 1.0, timestep)
+            out[t, k] = deflection / displacement[k]

@@ -1,0 +1,108 @@
+"""Cable spring: the dress pack pulls the joint back to where it hangs straight."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..robot import Robot
+from .action import (
+    LINK_POSITION,
+    LINK_TORQUE,
+    LINK_VELOCITY,
+    TIMESTEP,
+    Action,
+    SimulatedRobot,
+    Stage,
+    bus_row,
+    hook,
+    hook_kernel,
+    require_joint,
+    vector,
+)
+from .base import EffectDescription, EffectParameter, Injection, Scope
+from .bristle import bristle_step
+from .mjcf_form import file_angle, joint_element
+from .signature import Family, Logged, Member, Quantity, single_joint
+
+Array = NDArray[np.float64]
+
+DESCRIPTION = EffectDescription(
+    name="cable_spring",
+    title="Cable spring",
+    law="drive torque needed + stiffness·(q - rest); hysteretic adds Dahl friction of 0.2 rad·stiffness that "
+    "yields within 0.1 rad",
+    reference='Dahl, "A solid friction model", 1968 (the hysteresis); a linear spring otherwise',
+    scope=Scope.JOINT,
+    parameters=(
+        EffectParameter("stiffness", "N·m/rad", 0.0, np.inf, (0.05, 0.5), "coulomb"),
+        EffectParameter("rest", "rad", -10.0, 10.0, (0.0, 0.5)),
+    ),
+    laws=("linear", "hysteretic"),
+    confused_with=("gravity_spring", "asymmetric_friction", "base_tilt"),
+)
+
+# Of the hysteretic cable: friction in radians of spring, and the angle within which it yields.
+FRICTION, YIELD = 0.2, 0.1
+
+
+def action(injection: Injection, simulated: SimulatedRobot) -> Action:
+    """A torque on the link."""
+    joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
+    values = [injection.values[name] for name in ("stiffness", "rest")]
+    return Action((hook(Stage.TORQUE, _pull, joint, [*values, injection.law == "hysteretic"], state=1),))
+
+
+@hook_kernel
+def _pull(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+    row, value, deflection = bus_row(bus, joint), vector(parameters, 3), vector(state, 1)
+    stiffness = value[0]
+    row[LINK_TORQUE] -= stiffness * (row[LINK_POSITION] - value[1])
+    if value[2] > 0.0 and stiffness > 0.0:
+        level = FRICTION * stiffness
+        bristles = level / YIELD
+        deflection[0] = bristle_step(deflection[0], row[LINK_VELOCITY], level, bristles, 1.0, row[TIMESTEP])
+        row[LINK_TORQUE] -= bristles * deflection[0]
+
+
+def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
+    """q and 1."""
+    joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
+    columns = [np.column_stack([run.q[:, joint], np.ones(run.samples)]) for run in runs]
+    lower, upper = np.array([0.0, -np.inf]), np.full(2, np.inf)
+    return Family(
+        DESCRIPTION.name, joint, (Member({}, (joint,), single_joint(columns), lower, upper),), _parameters
+    )
+
+
+def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+    """rest = -c_1 / c_0, with the first-order standard deviation."""
+    stiffness = float(c[0])
+    spring = max(stiffness, float(np.finfo(float).tiny))
+    rest = -float(c[1]) / spring
+    gradient = np.array([-rest / spring, -1 / spring])
+    std = np.sqrt(np.maximum([covariance[0, 0], gradient @ covariance @ gradient], 0.0))
+    return {
+        "stiffness": Quantity(stiffness, float(std[0]), "N·m/rad"),
+        "rest": Quantity(rest, float(std[1]), "rad"),
+    }
+
+
+def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
+    """The joint's own spring, in series with nothing; two springs on a joint become one."""
+    joint = require_joint(DESCRIPTION.name, injection.joint, robot.joints)
+    element = joint_element(spec, robot, joint)
+    added = injection.values["stiffness"]
+    rest = file_angle(spec, robot, joint, injection.values["rest"])
+    stiffness = np.asarray(element.stiffness, dtype=float)
+    total = stiffness[0] + added
+    if total > 0.0:
+        element.springref = (stiffness[0] * element.springref + added * rest) / total
+    element.stiffness = [total, *stiffness[1:]]
+    sentences = []
+    if stiffness[1:].any():
+        sentences.append("the joint's own spring is a polynomial whose rest position moves with the cable's")
+    if injection.law == "hysteretic":
+        sentences.append("the cable's hysteresis is left out")
+    return tuple(sentences)

@@ -1,0 +1,117 @@
+"""Joint coupling: a drive shared by two joints loads both with friction on the sum of their speeds."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import InputError
+
+from ..robot import Robot
+from .action import (
+    MOTOR_TORQUE,
+    TIMESTEP,
+    VELOCITY,
+    Action,
+    SimulatedRobot,
+    Stage,
+    bus_row,
+    hook,
+    hook_kernel,
+    require_joint,
+    vector,
+)
+from .base import EffectDescription, EffectParameter, Injection, Scope
+from .bristle import bristle_step
+from .mjcf_form import joint_element
+from .signature import Family, Logged, Member, quantities
+
+Array = NDArray[np.float64]
+
+DESCRIPTION = EffectDescription(
+    name="joint_coupling",
+    title="Joint coupling",
+    law="viscous·(v_j + v_k) + coulomb·sgn(v_j + v_k) loads both joints; the sign is that of a stiff Dahl "
+    "bristle (coulomb) or tanh at 10 mrad/s (smooth)",
+    reference='Gautier & Venture, "Identification of standard dynamic parameters of robots with positive '
+    'definite inertia matrix", IROS 2013 (the coupled wrist of the TX-40)',
+    scope=Scope.PAIR,
+    parameters=(
+        EffectParameter("viscous", "N·m·s/rad", 0.0, np.inf, (0.1, 0.8), "viscous"),
+        EffectParameter("coulomb", "N·m", 0.0, np.inf, (0.1, 0.8), "coulomb"),
+    ),
+    laws=("coulomb", "smooth"),
+    confused_with=("load_dependent_friction",),
+)
+
+# The shared shaft slides after this much twist, rad.
+PRESLIDING = 5e-4
+SMOOTH_VELOCITY = 0.01
+
+
+def action(injection: Injection, simulated: SimulatedRobot) -> Action:
+    """Friction of the shared drive as a torque on both motors."""
+    first, second = _pair(injection.joint, injection.into, simulated.robot.joints)
+    values = [injection.values[name] for name in ("viscous", "coulomb")]
+    smooth = injection.law == "smooth"
+    return Action((hook(Stage.TORQUE, _shared, first, [*values, second, smooth], state=1),))
+
+
+@hook_kernel
+def _shared(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+    value, deflection = vector(parameters, 4), vector(state, 1)
+    row, other = bus_row(bus, joint), bus_row(bus, int(value[2]))
+    speed, coulomb = row[VELOCITY] + other[VELOCITY], value[1]
+    torque = value[0] * speed
+    if value[3] > 0.0:
+        torque += coulomb * np.tanh(speed / SMOOTH_VELOCITY)
+    elif coulomb > 0.0:
+        stiffness = coulomb / PRESLIDING
+        deflection[0] = bristle_step(deflection[0], speed, coulomb, stiffness, 1.0, row[TIMESTEP])
+        torque += stiffness * deflection[0]
+    row[MOTOR_TORQUE] -= torque
+    other[MOTOR_TORQUE] -= torque
+
+
+def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
+    """Speed of the other joint, sgn of the summed speed, acceleration of the other joint; on both rows.
+
+    A joint's own speed is in its viscous friction. The third coefficient is the shared rotor's inertia.
+    """
+    pair = _pair(joint, into, runs[0].joints)
+    columns = []
+    for run in runs:
+        v, a = run.dq[:, pair], run.ddq[:, pair]
+        sign = np.sign(v.sum(axis=1, keepdims=True)).repeat(2, axis=1)
+        columns.append(np.stack([v[:, ::-1], sign, a[:, ::-1]], axis=2))
+    member = Member({}, tuple(pair), tuple(columns), np.zeros(3), np.full(3, np.inf))
+
+    def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Any]:
+        names = ("viscous", "coulomb")
+        std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        return quantities(DESCRIPTION, dict(zip(names, c, strict=False)), dict(zip(names, std, strict=False)))
+
+    return Family(DESCRIPTION.name, pair[0], (member,), parameters, into=pair[1])
+
+
+def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
+    """A fixed tendon over both joints with damping and frictionloss."""
+    first, second = _pair(injection.joint, injection.into, robot.joints)
+    names = [joint_element(spec, robot, joint).name for joint in (first, second)]
+    tendon = spec.add_tendon(name=f"{names[0]}_{names[1]}_coupling")
+    for name in names:
+        tendon.wrap_joint(name, 1.0)
+    tendon.damping = [injection.values["viscous"], 0.0, 0.0]
+    tendon.frictionloss = injection.values["coulomb"]
+    tendon.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+    return ()
+
+
+def _pair(joint: int | None, into: int | None, joints: int) -> list[int]:
+    """Both joints. Raises InputError unless they are two joints of the robot."""
+    pair = [require_joint(DESCRIPTION.name, each, joints) for each in (joint, into)]
+    if pair[0] == pair[1]:
+        raise InputError("effects", DESCRIPTION.name, "two different joints", pair)
+    return pair

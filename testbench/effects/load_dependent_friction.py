@@ -1,0 +1,63 @@
+"""Load-dependent friction: the Coulomb level grows with the torque the gearbox carries."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..robot import Robot
+from .action import (
+    COULOMB,
+    LOAD,
+    VELOCITY,
+    Action,
+    SimulatedRobot,
+    Stage,
+    bus_row,
+    hook,
+    hook_kernel,
+    require_joint,
+    vector,
+)
+from .base import EffectDescription, EffectParameter, Injection, Scope
+from .signature import Family, Logged, Member, coefficients_as_named, single_joint
+
+DESCRIPTION = EffectDescription(
+    name="load_dependent_friction",
+    title="Load-dependent friction",
+    law="friction + coefficient·|tau_load|·sgn v; driving: half of it where the load drives the motor",
+    reference='Hamon, Gautier & Garrec, "Dynamic identification of robots with a dry friction model '
+    'depending on load and velocity", IROS 2010; Bittencourt & Gunnarsson, J. Dyn. Sys. 134(5), 2012',
+    scope=Scope.JOINT,
+    parameters=(EffectParameter("coefficient", "-", 0.0, 1.0, (0.03, 0.15)),),
+    laws=("symmetric", "driving"),
+    confused_with=("gravity_spring", "stribeck_friction", "torque_gain_error"),
+)
+
+
+def action(injection: Injection, simulated: SimulatedRobot) -> Action:
+    """A level of the set-valued friction that follows the load of the step before."""
+    joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
+    values = [injection.values["coefficient"], injection.law == "driving"]
+    return Action((hook(Stage.FRICTION_LEVEL, _level, joint, values),))
+
+
+@hook_kernel
+def _level(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+    row, value = bus_row(bus, joint), vector(parameters, 2)
+    driven = value[1] > 0.0 and row[LOAD] * row[VELOCITY] < 0.0
+    row[COULOMB] += (0.5 if driven else 1.0) * value[0] * abs(row[LOAD])
+
+
+def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
+    """|tau_load|·sgn v with the load of the rigid-body model."""
+    joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
+    columns = [(np.abs(run.load[:, joint]) * np.sign(run.dq[:, joint]))[:, None] for run in runs]
+    upper = np.array([DESCRIPTION.parameters[0].upper])
+    member = Member({}, (joint,), single_joint(columns), np.zeros(1), upper)
+    return Family(DESCRIPTION.name, joint, (member,), coefficients_as_named(DESCRIPTION, ("coefficient",)))
+
+
+def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
+    """MuJoCo's frictionloss is a constant."""
+    return ("MJCF has no joint friction that depends on the load",)

@@ -1,0 +1,94 @@
+"""Nonlinear viscous friction: a power of the speed beside the linear part."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..robot import Robot
+from .action import (
+    COULOMB,
+    VELOCITY,
+    Action,
+    SimulatedRobot,
+    Stage,
+    bus_row,
+    hook,
+    hook_kernel,
+    require_joint,
+    vector,
+)
+from .base import EffectDescription, EffectParameter, Injection, Scope
+from .mjcf_form import joint_element
+from .signature import Family, Logged, Member, coefficients_as_named, grid_family, single_joint
+
+DESCRIPTION = EffectDescription(
+    name="nonlinear_viscous_friction",
+    title="Nonlinear viscous friction",
+    law="friction + coefficient·|v|^exponent·sgn v; saturating: coefficient·log(1 + |v|^exponent)·sgn v",
+    reference='Waiboer, Aarts & Jonker, "Velocity dependence of joint friction in robotic manipulators with '
+    'gear transmissions", ECCOMAS Multibody Dynamics 2005',
+    scope=Scope.JOINT,
+    parameters=(
+        EffectParameter(
+            "coefficient", "N·m·(s/rad)^exponent", -np.inf, np.inf, (0.03, 0.2), "viscous_torque"
+        ),
+        EffectParameter("exponent", "-", 0.1, 4.0, (0.6, 0.4)),
+    ),
+    laws=("power", "saturating"),
+    confused_with=("stribeck_friction", "thermal_friction_drift"),
+)
+
+EXPONENTS = (0.33, 0.5, 0.67, 1.5, 2.0)
+# Speeds at which MuJoCo's polynomial is fitted, as shares of the speed limit (rad/s where there is none).
+SPEEDS = np.linspace(0.02, 1.0, 50)
+UNLIMITED_SPEED = 3.0
+
+
+def action(injection: Injection, simulated: SimulatedRobot) -> Action:
+    """A level of the set-valued friction that changes with speed, so that rest stays rest."""
+    joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
+    values = [injection.values[name] for name in ("coefficient", "exponent")]
+    return Action((hook(Stage.FRICTION_LEVEL, _level, joint, [*values, injection.law == "saturating"]),))
+
+
+@hook_kernel
+def _level(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+    row, value = bus_row(bus, joint), vector(parameters, 3)
+    power = abs(row[VELOCITY]) ** value[1]
+    if value[2] > 0.0:
+        power = np.log1p(power)
+    row[COULOMB] = max(row[COULOMB] + value[0] * power, 0.0)
+
+
+def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
+    """The power law on a grid of exponents."""
+    joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
+    free = np.full(1, np.inf)
+
+    def member(shape: Mapping[str, float]) -> Member:
+        speeds = [run.dq[:, joint] for run in runs]
+        columns = [(np.abs(v) ** shape["exponent"] * np.sign(v))[:, None] for v in speeds]
+        return Member(dict(shape), (joint,), single_joint(columns), -free, free)
+
+    named = coefficients_as_named(DESCRIPTION, ("coefficient",))
+    return grid_family(DESCRIPTION.name, joint, member, {"exponent": EXPONENTS}, named)
+
+
+def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
+    """Polynomial damping a v + b v|v| + c v³: exact for exponents 2 and 3, else fitted."""
+    joint = require_joint(DESCRIPTION.name, injection.joint, robot.joints)
+    coefficient, exponent = (injection.values[name] for name in ("coefficient", "exponent"))
+    element = joint_element(spec, robot, joint)
+    limit = robot.limits.velocity[joint]
+    fastest = limit if np.isfinite(limit) else UNLIMITED_SPEED
+    speed = SPEEDS * fastest
+    power = speed**exponent
+    wanted = coefficient * (np.log1p(power) if injection.law == "saturating" else power)
+    powers = speed[:, None] ** np.array([1, 2, 3])
+    polynomial = np.linalg.lstsq(powers, wanted, rcond=None)[0]
+    element.damping = np.asarray(element.damping) + polynomial
+    error = float(np.abs(powers @ polynomial - wanted).max())
+    if error <= 1e-9 * float(np.abs(wanted).max()):
+        return ()
+    return (f"fitted by v, v|v| and v³ up to {fastest:.3g} rad/s, to {error:.2g} N·m",)

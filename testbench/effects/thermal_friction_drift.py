@@ -1,0 +1,125 @@
+"""Thermal friction drift: viscous friction falls while its own heat warms the lubricant."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.kinematics import kernel
+from identification.parameters import COULOMB as COULOMB_PARAMETER
+from identification.parameters import VISCOUS as VISCOUS_PARAMETER
+
+from ..robot import Limits, Robot
+from .action import (
+    FRICTION,
+    TIMESTEP,
+    VELOCITY,
+    VISCOUS,
+    Action,
+    SimulatedRobot,
+    Stage,
+    bus_row,
+    hook,
+    hook_kernel,
+    require_joint,
+    vector,
+)
+from .base import EffectDescription, EffectParameter, Injection, Scope
+from .signature import Family, Logged, Member, coefficients_as_named, grid_family, single_joint
+
+DESCRIPTION = EffectDescription(
+    name="thermal_friction_drift",
+    title="Thermal friction drift",
+    law="viscous friction·(1 - drop·w), dw/dt = (P / P_rated - w) / time_constant, w = 0 at the start; P is "
+    "the friction power and P_rated that at 30 % of the speed limit. two_node: half of w belongs to a "
+    "housing 5 times slower, and viscosity falls as (1 - drop)^w",
+    reference='Simoni, Beschi, Legnani & Visioli, "Friction modeling with temperature effects for industrial '
+    'robot manipulators", IROS 2015; Bittencourt & Axelsson, IEEE/ASME T-MECH 19(5), 2014',
+    scope=Scope.JOINT,
+    parameters=(
+        EffectParameter("drop", "-", 0.0, 0.95, (0.2, 0.6)),
+        EffectParameter("time_constant", "s", 0.1, 1e6, (60.0, 10.0)),
+    ),
+    laws=("one_node", "two_node"),
+    confused_with=("nonlinear_viscous_friction",),
+)
+
+RATED_SHARE = 0.3
+UNLIMITED_SPEED = 3.0
+# Viscosity cannot fall below nothing, however hot.
+HIGHEST_DROP = 0.95
+HOUSING_SHARE, HOUSING_SLOWNESS = 0.5, 5.0
+TIME_CONSTANTS = (5.0, 15.0, 50.0, 200.0)
+
+
+def rated_power(viscous: float, coulomb: float, limits: Limits, joint: int) -> float:
+    """Friction power at RATED_SHARE of the speed limit, W; it is what w = 1 means."""
+    limit = float(limits.velocity[joint])
+    speed = RATED_SHARE * (limit if np.isfinite(limit) else UNLIMITED_SPEED)
+    return max((viscous * speed + coulomb) * speed, float(np.finfo(float).tiny))
+
+
+def action(injection: Injection, simulated: SimulatedRobot) -> Action:
+    """Viscous friction scaled by one or two heat states."""
+    joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
+    viscous, coulomb = (simulated.standard(index, joint) for index in (VISCOUS_PARAMETER, COULOMB_PARAMETER))
+    rated = rated_power(viscous, coulomb, simulated.robot.limits, joint)
+    values = [injection.values["drop"], injection.values["time_constant"], rated]
+    return Action(
+        (hook(Stage.FRICTION_LEVEL, _warm, joint, [*values, injection.law == "two_node"], state=2),)
+    )
+
+
+@hook_kernel
+def _warm(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+    row, value, warmth = bus_row(bus, joint), vector(parameters, 4), vector(state, 2)
+    heat = abs(row[FRICTION] * row[VELOCITY]) / value[2]
+    share = row[TIMESTEP] / value[1]
+    warmth[0] += share * (heat - warmth[0])
+    warmth[1] += share / HOUSING_SLOWNESS * (heat - warmth[1])
+    if value[3] > 0.0:
+        mean = (1.0 - HOUSING_SHARE) * warmth[0] + HOUSING_SHARE * warmth[1]
+        row[VISCOUS] *= (1.0 - value[0]) ** mean
+    else:
+        row[VISCOUS] *= 1.0 - min(value[0] * warmth[0], HIGHEST_DROP)
+
+
+def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
+    """-fv·w·v with the warmth that the model's friction power makes; every run starts cold."""
+    joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
+    upper = np.array([DESCRIPTION.parameters[0].upper])
+
+    def member(shape: Mapping[str, float]) -> Member:
+        columns = []
+        for run in runs:
+            viscous, coulomb = run.table[joint, [VISCOUS_PARAMETER, COULOMB_PARAMETER]]
+            rated = rated_power(max(viscous, 0.0), max(coulomb, 0.0), run.limits, joint)
+            v = run.dq[:, joint]
+            heat = np.maximum(run.friction[:, joint] * v, 0.0) / rated
+            warm = warmth(heat, 1 / (run.sample_rate * shape["time_constant"]))
+            columns.append((-max(viscous, 0.0) * warm * v)[:, None])
+        return Member(dict(shape), (joint,), single_joint(columns), np.zeros(1), upper)
+
+    named = coefficients_as_named(DESCRIPTION, ("drop",))
+    return grid_family(DESCRIPTION.name, joint, member, {"time_constant": TIME_CONSTANTS}, named)
+
+
+def warmth(heat: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+    """The heat state w (N,) along P / P_rated (N,); share: of the time constant in a sample."""
+    out = np.empty_like(heat)
+    _first_order(np.ascontiguousarray(heat), share, out)
+    return out
+
+
+@kernel
+def _first_order(heat, share, out):  # type: ignore[no-untyped-def]
+    state = 0.0
+    for t in range(heat.size):
+        state += share * (heat[t] - state)
+        out[t] = state
+
+
+def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
+    """MuJoCo's thermal model is that of a winding's resistance."""
+    return ("MJCF has no friction that changes with temperature; the joint keeps its cold damping",)

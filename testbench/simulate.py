@@ -1,0 +1,47 @@
+"""The job behind ``simulate``: a model and a trajectory file in, a robot-log out."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from identification.errors import InputError
+
+from .effects import parse_injection
+from .excitation_file import read_trajectory
+from .files import require_writable
+from .log import Recording, write_log
+from .progress import steps
+from .robot import load_robot
+from .simulation import SimulationOptions, sample_reference, simulate
+
+
+def simulate_model(
+    model: Path,
+    trajectory: Path,
+    out: Path,
+    periods: int,
+    options: SimulationOptions,
+    effects: Sequence[str],
+    seed: int,
+    jobs: int | None,
+) -> Recording:
+    """Drive a model along a trajectory file and write the robot-log to ``out``. Raises InputError.
+
+    effects: as ``NAME[:joint[:key=value,...]]``, beside those of ``options``.
+    """
+    robot = load_robot(model)
+    joint_names, motion = read_trajectory(trajectory)
+    if joint_names != robot.joint_names:
+        expected = f"the model's joints {', '.join(robot.joint_names)}"
+        raise InputError(trajectory, "joint_names", expected, ", ".join(joint_names))
+    injections = tuple(parse_injection(robot, text) for text in effects)
+    options = dataclasses.replace(options, effects=options.effects + injections)
+    reference = sample_reference(motion, options.controller.rate, periods)
+    require_writable(out)
+    with steps() as progress, progress.step("simulate"):
+        (recording,) = simulate(robot, [reference], options, seed=seed, threads=jobs)
+    told = {"trajectory": trajectory.name}
+    recording = dataclasses.replace(recording, provenance=recording.provenance | told)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_log(recording, out)
+    return recording

@@ -1,0 +1,120 @@
+"""Diagnoses with known answers, put together from a simulated arm without searching for the answer."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from diagnosis.candidates import Candidate, candidate
+from diagnosis.evidence import design, fit
+from diagnosis.findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
+from diagnosis.preparation import Prepared, prepare
+from identification.excitation.design import DesignOptions, random_excitation
+from identification.parameters import PER_JOINT
+from testbench.effects import effect
+from testbench.effects.base import Injection
+from testbench.log import Recording
+from testbench.robot import Robot
+from testbench.simulation import SensorOptions, SimulationOptions, sample_reference, simulate
+
+RATE = 1000.0
+
+
+def simulated_runs(
+    robot: Robot, injections: Sequence[Injection], runs: int = 2, noise: float = 0.002, seed: int = 3
+) -> dict[str, Recording]:
+    """Runs of random motions, 18-bit encoders and white torque noise."""
+    references = []
+    for index in range(runs):
+        options = DesignOptions(harmonics=(5, 12, 8)[index % 3], base_frequency=0.2, seed=seed + index)
+        motion = random_excitation(robot.chain, robot.parameters, robot.limits, options).trajectory
+        references.append(sample_reference(motion, RATE))
+    options = SimulationOptions(
+        sensors=SensorOptions(encoder_bits=18, slide_resolution=1e-6, torque_noise=noise),
+        physics_timestep=5e-4,
+        effects=tuple(injections),
+    )
+    recordings = simulate(robot, references, options, seed=seed)
+    return {f"run_{index + 1}": recording for index, recording in enumerate(recordings)}
+
+
+def diagnosed(
+    robot: Robot,
+    recordings: Mapping[str, Recording],
+    named: Sequence[tuple[str, int | None, int | None]],
+    confusable: tuple[str, ...] = (),
+    hidden: tuple[tuple[str, int | None], ...] = (),
+) -> Diagnosis:
+    """The diagnosis that names these effects, each with its family's best member."""
+    prepared = prepare(robot, recordings)
+    only = design(prepared)
+    only_fit = fit(prepared, only)
+    prepared = prepared.with_parameters(robot.parameters + only_fit.values[: PER_JOINT * robot.joints])
+    chosen: list[Candidate] = []
+    for name, joint, into in named:
+        chosen.append(_best(prepared, chosen, name, joint, into))
+    final = design(prepared, chosen)
+    final_fit = fit(prepared, final)
+    effects = []
+    start = final.parameters
+    for index, each in enumerate(chosen):
+        own = slice(start, start + each.count)
+        values, covariance = final_fit.values[own], np.zeros((each.count + len(each.family.refine),) * 2)
+        covariance[: each.count, : each.count] = final_fit.covariance[own, own]
+        quantities = each.family.parameters(each.member, values, covariance)
+        place = (each.family.joint, each.family.into)
+        others = confusable if index == 0 else ()
+        effects.append(
+            NamedEffect(each.family.effect, *place, 0.93 - 0.1 * index, quantities, each, others, 0.6)
+        )
+        start += each.count
+
+    def rms(residuals: Sequence[np.ndarray]) -> np.ndarray:
+        return np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
+
+    gap = Gap(
+        nominal=rms([np.where(u, g, 0.0) for u, g in zip(only.used, only.gap, strict=True)]),
+        parameters=rms(only_fit.held_out),
+        effects=rms(final_fit.held_out),
+        noise_floor=0.9 * rms(final_fit.held_out),
+    )
+    ranked = [RankedCandidate(e.effect, e.joint, e.into, e.probability, 240.0) for e in effects]
+    ranked += [
+        RankedCandidate(name, effects[0].joint if effects else 0, None, 0.02, 12.0 - index, "explains less")
+        for index, name in enumerate((*confusable, "torque_saturation", "cable_spring"))
+    ]
+    loudest = int(np.argmax(gap.parameters))
+    return Diagnosis(
+        robot=robot,
+        verdict="effect" if effects else "parameters",
+        sentence="The simulator lacks " + " and ".join(e.effect for e in effects) if effects else "It fits.",
+        effects=tuple(effects),
+        ranked=tuple(ranked),
+        where=(
+            Share(loudest, "velocity reversal", 0.7, float(gap.parameters[loudest]), 0.1),
+            Share(loudest, "fast", 0.1, 0.4 * float(gap.parameters[loudest]), 0.1),
+            Share((loudest + 1) % robot.joints, "fast", 0.2, 0.3, 0.1),
+        ),
+        gap=gap,
+        prepared=prepared,
+        parameters_only=(only, only_fit),
+        final=(final, final_fit),
+        parameters=robot.parameters + final_fit.values[: PER_JOINT * robot.joints],
+        timing=float(final_fit.values[PER_JOINT * robot.joints]),
+        not_observable=hidden,
+        notes=("a note",),
+    )
+
+
+def _best(
+    prepared: Prepared, before: Sequence[Candidate], name: str, joint: int | None, into: int | None
+) -> Candidate:
+    family = effect(name).signature([run.logged for run in prepared.runs], joint, into)
+    tried = [candidate(prepared, family, member) for member in family.members]
+    if len(tried) == 1:
+        return tried[0]
+
+    def left(each: Candidate) -> float:
+        residual = np.concatenate(fit(prepared, design(prepared, [*before, each])).residual)
+        return float(np.sum(np.log(np.sum(residual**2, axis=0))))
+
+    return min(tried, key=left)

@@ -1,0 +1,32 @@
+"""A two-joint arm with limits that is designed for, simulated and identified in a second."""
+
+ARM = """
+<mujoco model="small_arm">
+  <compiler angle="radian"/>
+  <custom>
+    <numeric name="velocity_limit" data="4 4"/>
+    <numeric name="acceleration_limit" data="30 40"/>
+  </custom>
+  <worldbody>
+    <body name="upper" pos="0 0 .5">
+      <inertial pos=".15 0 .02" mass="4" fullinertia=".02 .06 .07 .002 .001 -.001"/>
+      <joint name="shoulder" axis="0 1 0" range="-2 2" armature=".1" damping="3" frictionloss="2"
+             actuatorfrcrange="-80 80"/>
+      <body name="lower" pos=".3 0 0">
+        <inertial pos=".1 .01 0" mass="2" fullinertia=".004 .012 .014 .0003 .0002 .0001"/>
+        <joint name="elbow" axis="0 0 1" range="-2 2" armature=".05" damping="1" frictionloss="1"
+               actuatorfrcrange="-30 30"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+SCENARIO = """
+name: small
+model: arm.xml
+seed: 3
+excitation: {harmonics: 4, base_frequency: 0.25 Hz, starts: 1}
+simulation: {periods: 1}
+validation: {runs: 1, harmonics: 4, base_frequency: 0.25 Hz}
+"""
