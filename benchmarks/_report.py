@@ -35,12 +35,12 @@ def show(name: str, title: str, report: Report) -> None:
     """Print the table, its goals and its notes."""
     # A file or pipe has no width of its own; a table must not be folded there.
     console = Console(highlight=False, width=None if Console().is_terminal else 120)
-    table = Table(title=f"{name}: {title}", title_justify="left", title_style="bold")
+    table = Table()
     for index, column in enumerate(report.columns):
         table.add_column(column, justify="right" if index else "left")
     for row in report.rows:
         table.add_row(*row)
-    console.print()
+    console.print(f"\n[bold]{name}[/bold]: {title}")
     console.print(table)
     for goal in report.goals:
         sign, verdict = ("≥", "<") if goal.at_least else ("≤", ">")

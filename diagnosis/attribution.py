@@ -180,6 +180,7 @@ def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:
     lower = np.array([family.refine[name][0] for name in names])
     upper = np.array([family.refine[name][1] for name in names])
     span = np.where(upper > lower, upper - lower, 1.0)
+    member = family.member
     best = weighed
 
     def negative(u: Array) -> float:
@@ -188,7 +189,7 @@ def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:
         shape |= {
             name: float(value) for name, value in zip(names, lower + np.clip(u, 0, 1) * span, strict=True)
         }
-        gain = stage.gain(candidate(prepared, family, family.member(shape)))
+        gain = stage.gain(candidate(prepared, family, member(shape)))
         if gain is None:
             return 0.0
         score = _score(stage, gain)

@@ -54,7 +54,9 @@ def regimes(run: Run, joint: int, top_speed: float, top_acceleration: float) -> 
     }
 
 
-def regime_shares(prepared: Prepared, residual: Sequence[Array], used: Sequence[Array]) -> list[RegimeShare]:
+def regime_shares(
+    prepared: Prepared, residual: Sequence[Array], used: Sequence[NDArray[np.bool_]]
+) -> list[RegimeShare]:
     """Every regime of every joint, for a residual a run (M, n)."""
     found = []
     rng = np.random.default_rng(0)

@@ -20,16 +20,33 @@ from .regressor import _regressor
 
 # Step of the differences in position and velocity, rad and rad/s (m).
 DIFFERENCE = 1e-6
+# Smallest pivot of the mass matrix's Cholesky factor, as a share of that at the start.
+SMALLEST_PIVOT = 0.3
 
 
 @kernel
 def extended_kalman_filter(  # type: ignore[no-untyped-def]
-    chain, columns, slots, position, torque, timing, dead_zone, noise, scale, constant, state, covariance
+    chain,
+    columns,
+    slots,
+    position,
+    torque,
+    acceleration,
+    timing,
+    dead_zone,
+    noise,
+    scale,
+    constant,
+    state,
+    covariance,
 ) -> Any:
     """Run over K samples; ``state`` and ``covariance`` become those after the last. True if all went well.
 
     chain: (is_slide, rotation, translation, gravity). columns, slots: of the base regressor.
-    position: (K, n). torque: (k (K - 1) + 1, n), k to each step between positions. timing: k, the seconds
+    position: (K, n). torque: (k (K - 1) + 1, n), k to each step between positions.
+    acceleration: (K - 1, n) of the measured motion, in the middle of each step. The derivatives are taken
+    there: along an acceleration that the noisy torque makes they would be correlated with its noise, and
+    the estimate biased. timing: k, the seconds
     between torques, and the steps of integration from one to the next. dead_zone: (n,) rad/s. noise:
     variance of the position (n,) and of the torque over each step (K - 1, n). scale: (b,) the parameters'
     units in the state. constant: (14 n,) to which they are added at ``columns``. state: (2 n + b,).
@@ -43,20 +60,23 @@ def extended_kalman_filter(  # type: ignore[no-untyped-def]
     table, coulomb = np.empty((n, PER_JOINT)), np.empty(n)
     gain, column = np.empty(size), np.empty(size)
     slopes = np.empty((2 * n, size))
-    inverse, acceleration = np.empty((n, n)), np.empty(n)
+    inverse, unused = np.empty((n, n)), np.empty(n)
     work = (np.empty((2 * n + 1, n)), np.empty((2 * n + 1, n)), np.empty((2 * n + 1, n)))
     torques, mass = np.empty((2 * n + 1, n)), np.empty((n, n))
-    rows = np.empty((1, n, b))
+    rows, pivots = np.empty((1, n, b)), np.empty(n)
+    before, covariance_before = np.empty(size), np.empty((size, size))
     for k in range(position.shape[0]):
         if k > 0:
             _parameters(constant, columns, scale, state[2 * n :], table, coulomb)
             robot = (chain, table, coulomb, dead_zone)
             first = stride * (k - 1)
             q, dq = state[:n], state[n : 2 * n]
-            if not _accelerate(robot, q, dq, torque[first], work, torques, mass, acceleration):
+            if not _accelerate(robot, q, dq, torque[first], work, torques, mass, unused):
                 return False
             _invert(mass, inverse)
-            _slopes(robot, columns, slots, scale, state, acceleration, inverse, work, torques, rows, slopes)
+            _slopes(
+                robot, columns, slots, scale, state, acceleration[k - 1], inverse, work, torques, rows, slopes
+            )
             _propagate(covariance, slopes, inverse, torque_variance[k - 1], step)
             for sample in range(first, first + stride):
                 if not _integrate(
@@ -72,8 +92,27 @@ def extended_kalman_filter(  # type: ignore[no-untyped-def]
                     mass,
                 ):
                     return False
+        before[:] = state
+        covariance_before[:] = covariance
         for j in range(n):
-            _correct(state, covariance, j, position[k, j], position_variance[j], gain, column)
+            _correct(state, covariance, j, position[k, j], position_variance[j], size, gain, column)
+        _parameters(constant, columns, scale, state[2 * n :], table, coulomb)
+        q, dq = state[:n], state[n : 2 * n]
+        robot = (chain, table, coulomb, dead_zone)
+        positive = _accelerate(robot, q, dq, torque[stride * k], work, torques, mass, unused)
+        if k == 0:
+            if not positive:
+                return False
+            for j in range(n):
+                pivots[j] = SMALLEST_PIVOT * mass[j, j]
+        for j in range(n):
+            positive = positive and mass[j, j] > pivots[j]
+        if not positive:
+            # A correction that no arm could have: the parameters sit it out, which Joseph's form allows.
+            state[:] = before
+            covariance[:] = covariance_before
+            for j in range(n):
+                _correct(state, covariance, j, position[k, j], position_variance[j], 2 * n, gain, column)
     return True
 
 
@@ -263,13 +302,16 @@ def _integrate(robot, q, dq, before, after, step, substeps, work, torques, mass)
 
 
 @kernel
-def _correct(state, covariance, index, measured, variance, gain, row):  # type: ignore[no-untyped-def]
-    """Take in one measured state, covariance in Joseph's form (1 - k e') P (1 - k e')' + k r k'."""
+def _correct(state, covariance, index, measured, variance, moved, gain, row):  # type: ignore[no-untyped-def]
+    """Take in one measured state, covariance in Joseph's form (1 - k e') P (1 - k e')' + k r k'.
+
+    moved: the first so many states are corrected, the gain of the others is zero.
+    """
     size = state.size
     spread = covariance[index, index] + variance
     error = measured - state[index]
     for i in range(size):
-        gain[i] = covariance[i, index] / spread
+        gain[i] = covariance[i, index] / spread if i < moved else 0.0
         row[i] = covariance[index, i]
         state[i] += gain[i] * error
     for i in range(size):

@@ -183,7 +183,7 @@ def test_estimate_file_writes_null_for_what_is_unknown(result: IdentificationRes
     document = json.loads((tmp_path / "estimate.json").read_text())
     assert {p["truth"] for p in document["base_parameters"]} == {None}
     assert document["torque_rms"]["fit"][2] is None
-    assert document["torque_rms"]["validation"] is None
+    assert document["torque_rms"]["validation"] == []
 
 
 def test_a_joint_at_rest_spoils_neither_page_nor_summary(result: IdentificationResult) -> None:

@@ -176,7 +176,7 @@ def _run_tab(diagnosis: Diagnosis, index: int) -> rrb.Horizontal:
         grid_columns=1 if len(names) == 1 else 2,
         name="Residuals before and after",
     )
-    shown = {each.joint for each in diagnosis.effects if each.joint is not None}
+    shown = {joint for each in diagnosis.effects for joint in (each.joint, each.into)}
     joints = [
         rrb.Vertical(
             rrb.TimeSeriesView(
@@ -194,12 +194,13 @@ def _run_tab(diagnosis: Diagnosis, index: int) -> rrb.Horizontal:
         )
         for joint in range(len(names))
     ]
+    has_reference = diagnosis.prepared.runs[index].logged.reference_position is not None
     size = reach(diagnosis.robot.model)
     root = _root(diagnosis, index)
     scene = rrb.Spatial3DView(
         origin=root,
         contents=[f"+ {root}/arm/**", f"+ {root}/path/**", f"+ {root}/floor"],
-        name="Measured, and its reference as a ghost",
+        name="Measured, and its reference as a ghost" if has_reference else "Measured",
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
             position=(1.15 * size, -1.1 * size, 0.9 * size),

@@ -26,13 +26,15 @@ Array = NDArray[np.float64]
 
 # Deviation of the nominal model's base parameters: a share of their own size and one of what would make
 # all the torque of the motion.
-PRIOR, SMALLEST_PRIOR = 0.2, 0.02
+PRIOR, SMALLEST_PRIOR = 0.1, 0.01
+# A filter that leaves the robots that could exist starts again with this share of that deviation.
+NARROWER, ATTEMPTS = 0.3, 3
 # The recording is filtered again from the parameters it gave, so that no linearisation is far off. Noise
 # levels of each pass, as shares of the signals' RMS: at least what the linearisation and integration err by.
 TORQUE_NOISE = (1e-1, 1e-2, 1e-3)
 POSITION_NOISE = (1e-4, 1e-5, 1e-6)
 # Deviation of a pass's start, in deviations that the pass before came to.
-WIDENING = 10.0
+WIDENING = 5.0
 # Narrowest dead zone, rad/s (m/s), and longest step of the integration, s.
 NARROWEST, LONGEST_STEP = 0.02, 1e-3
 
@@ -41,7 +43,7 @@ NARROWEST, LONGEST_STEP = 0.02, 1e-3
 class _Run:
     """A run as the filter takes it: K positions (K, n), k torques (k (K - 1) + 1, n) to each step.
 
-    velocity: (n,) at the first. sample_time: s between torques. noise: (2, n) deviations of a position and
+    velocity: (n,) at the first. acceleration: (K - 1, n) in the middle of each step. sample_time: s between torques. noise: (2, n) deviations of a position and
     of a step's mean torque. rms: (2, n) of position and torque. resting: (K - 1, n) bool, steps during
     which the joint's direction is in doubt.
     """
@@ -49,6 +51,7 @@ class _Run:
     position: Array
     torque: Array
     velocity: Array
+    acceleration: Array
     stride: int
     sample_time: float
     noise: Array
@@ -70,13 +73,37 @@ def estimate(problem: Problem) -> Estimate:
     rows, torque, _ = problem.stacked
     whole = np.linalg.norm(torque) / np.linalg.norm(rows, axis=0)
     scale = PRIOR * np.abs(nominal) + SMALLEST_PRIOR * whole
-    values, covariance = nominal, np.diag(scale**2)
-    for levels in zip(POSITION_NOISE, TORQUE_NOISE, strict=True):
-        # Wide enough that what the passes before learned counts for next to nothing, never beyond the first.
-        start = np.linalg.inv(covariance / np.outer(scale, scale)) / WIDENING**2 + np.eye(len(scale))
-        values, covariance = _filtered(problem, runs, values, np.linalg.inv(start), scale, levels)
+    for attempt in range(ATTEMPTS):
+        filtered = _passes(problem, runs, nominal, NARROWER**attempt * scale)
+        if filtered is not None:
+            break
+    else:
+        raise InputError(
+            "identification",
+            "model",
+            "a nominal model near enough for the estimator extended_kalman",
+            "a mass matrix that is not positive",
+        )
+    values, covariance = filtered
     found = problem.linear_estimate(values, np.ones(problem.equations), "extended_kalman")
     return replace(found, covariance=covariance)
+
+
+def _passes(
+    problem: Problem, runs: Sequence[_Run], nominal: Array, scale: Array
+) -> tuple[Array, Array] | None:
+    """Parameters and covariance after all passes, None where one failed. scale: (b,) deviation of ``nominal``."""
+    values, covariance = nominal, np.diag(scale**2)
+    for levels in zip(POSITION_NOISE, TORQUE_NOISE, strict=True):
+        # Wide enough that what the passes before learned counts for little, never beyond the first.
+        spread = np.linalg.inv(
+            np.linalg.inv(covariance / np.outer(scale, scale)) / WIDENING**2 + np.eye(len(scale))
+        )
+        filtered = _filtered(problem, runs, values, spread, scale, levels)
+        if filtered is None:
+            return None
+        values, covariance = filtered
+    return values, covariance
 
 
 def _run(problem: Problem, index: int, residual_std: Array) -> _Run:
@@ -88,6 +115,7 @@ def _run(problem: Problem, index: int, residual_std: Array) -> _Run:
     stride = decimation_step(rate, band)
     smooth = zero_phase_lowpass(motion.position, rate, band)
     velocity = central_difference(smooth, rate)
+    acceleration = zero_phase_lowpass(central_difference(velocity, rate), rate, cutoff)
     edge = edge_samples(rate, band)
     steps = (len(velocity) - 2 * edge - 1) // stride
     inside = slice(edge, edge + stride * steps + 1)
@@ -101,6 +129,7 @@ def _run(problem: Problem, index: int, residual_std: Array) -> _Run:
         position=np.ascontiguousarray(position[::stride]),
         torque=np.ascontiguousarray(torque),
         velocity=velocity[0],
+        acceleration=np.ascontiguousarray(acceleration[inside][stride // 2 :: stride][:steps]),
         stride=stride,
         sample_time=1 / rate,
         noise=np.array([position_noise_std(motion, problem.preprocessing), torque_noise]),
@@ -114,9 +143,14 @@ def _dead_zone(problem: Problem) -> Array:
 
 
 def _filtered(
-    problem: Problem, runs: Sequence[_Run], start: Array, spread: Array, scale: Array, levels: tuple[float, float]
-) -> tuple[Array, Array]:
-    """Parameters (b,) and covariance (b, b) after filtering all runs from ``start``.
+    problem: Problem,
+    runs: Sequence[_Run],
+    start: Array,
+    spread: Array,
+    scale: Array,
+    levels: tuple[float, float],
+) -> tuple[Array, Array] | None:
+    """Parameters (b,) and covariance (b, b) after filtering all runs from ``start``, None where it failed.
 
     spread: covariance (b, b) of the start in units of ``scale``. levels: smallest noise of position and torque, as shares of their RMS.
     """
@@ -138,14 +172,9 @@ def _filtered(
         noise = (of_position, np.where(run.resting, run.rms[1] ** 2, of_torque))
         timing = (run.stride, run.sample_time, substeps)
         went_well = extended_kalman_filter(
-            arrays, base.columns, slots, run.position, run.torque, timing, dead_zone, noise, scale, constant,
+            arrays, base.columns, slots, run.position, run.torque, run.acceleration, timing, dead_zone, noise, scale, constant,
             state, covariance,
         )  # fmt: skip
         if not went_well or not np.all(np.isfinite(state)):
-            raise InputError(
-                "identification",
-                "model",
-                "a nominal model near enough for the estimator extended_kalman",
-                "a mass matrix that is not positive",
-            )
+            return None
     return scale * state[2 * n :], covariance[2 * n :, 2 * n :] * np.outer(scale, scale)
