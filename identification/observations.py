@@ -27,7 +27,7 @@ class Preprocessing:
 
     cutoff: float = 20.0
     differentiation: str = "rloess"
-    dead_zone: float = 0.05
+    dead_zone: float = 0.02
     model: str = "inverse_dynamic"
 
     def __post_init__(self) -> None:

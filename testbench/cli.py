@@ -158,7 +158,7 @@ def identify(
         ),
     ] = None,
     cutoff: Annotated[float, Parameter(help="Hz, low-pass on torque and regressor")] = 20.0,
-    dead_zone: Annotated[float, Parameter(help="rad/s; slower samples do not count")] = 0.05,
+    dead_zone: Annotated[float, Parameter(help="rad/s; slower samples do not count")] = 0.02,
     seed: Annotated[
         int, Parameter(help="taken, as everywhere; nothing here is random", validator=_at_least(0, "--seed"))
     ] = 0,

@@ -95,7 +95,7 @@ class IdentificationSection(_Section):
     differentiation: str = "rloess"
     parameters: tuple[str, ...] = DEFAULT_GROUPS
     cutoff: Hertz = 20.0
-    dead_zone: RadiansPerSecond = 0.05
+    dead_zone: RadiansPerSecond = 0.02
 
 
 class EffectSection(_Section):

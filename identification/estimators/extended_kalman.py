@@ -43,9 +43,9 @@ NARROWEST, LONGEST_STEP = 0.02, 1e-3
 class _Run:
     """A run as the filter takes it: K positions (K, n), k torques (k (K - 1) + 1, n) to each step.
 
-    velocity: (n,) at the first. acceleration: (K - 1, n) in the middle of each step. sample_time: s between torques. noise: (2, n) deviations of a position and
-    of a step's mean torque. rms: (2, n) of position and torque. resting: (K - 1, n) bool, steps during
-    which the joint's direction is in doubt.
+    velocity: (n,) at the first. acceleration: (K - 1, n) in the middle of each step. sample_time: s between
+    torques. noise: (2, n) deviations of a position and of a step's mean torque. rms: (2, n) of position and
+    torque. resting: (K - 1, n) bool, steps during which the joint's direction is in doubt.
     """
 
     position: Array
@@ -92,13 +92,12 @@ def estimate(problem: Problem) -> Estimate:
 def _passes(
     problem: Problem, runs: Sequence[_Run], nominal: Array, scale: Array
 ) -> tuple[Array, Array] | None:
-    """Parameters and covariance after all passes, None where one failed. scale: (b,) deviation of ``nominal``."""
+    """Parameters and covariance after all passes, None where one failed; scale: (b,) deviation of nominal."""
     values, covariance = nominal, np.diag(scale**2)
     for levels in zip(POSITION_NOISE, TORQUE_NOISE, strict=True):
         # Wide enough that what the passes before learned counts for little, never beyond the first.
-        spread = np.linalg.inv(
-            np.linalg.inv(covariance / np.outer(scale, scale)) / WIDENING**2 + np.eye(len(scale))
-        )
+        information = np.linalg.inv(covariance / np.outer(scale, scale)) / WIDENING**2
+        spread = np.asarray(np.linalg.inv(information + np.eye(len(scale))), dtype=np.float64)
         filtered = _filtered(problem, runs, values, spread, scale, levels)
         if filtered is None:
             return None
@@ -152,7 +151,8 @@ def _filtered(
 ) -> tuple[Array, Array] | None:
     """Parameters (b,) and covariance (b, b) after filtering all runs from ``start``, None where it failed.
 
-    spread: covariance (b, b) of the start in units of ``scale``. levels: smallest noise of position and torque, as shares of their RMS.
+    spread: covariance (b, b) of the start in units of ``scale``. levels: smallest noise of position and
+    torque, as shares of their RMS.
     """
     n, chain, base = problem.chain.joints, problem.chain, problem.base
     arrays = (chain.is_slide, chain.rotation, chain.translation, chain.gravity)
@@ -172,8 +172,8 @@ def _filtered(
         noise = (of_position, np.where(run.resting, run.rms[1] ** 2, of_torque))
         timing = (run.stride, run.sample_time, substeps)
         went_well = extended_kalman_filter(
-            arrays, base.columns, slots, run.position, run.torque, run.acceleration, timing, dead_zone, noise, scale, constant,
-            state, covariance,
+            arrays, base.columns, slots, run.position, run.torque, run.acceleration, timing, dead_zone,
+            noise, scale, constant, state, covariance,
         )  # fmt: skip
         if not went_well or not np.all(np.isfinite(state)):
             return None

@@ -65,9 +65,9 @@ def design_excitation(
     began = time.perf_counter()
     options = options or DesignOptions()
     function = criterion_named(criterion)
-    motions = _feasible_motions(chain, parameters, limits, options, clearance)
+    motions = feasible_motions(chain, parameters, limits, options, clearance)
     base = base_parameters(chain, options.groups)
-    scale = _torque_scale(motions, limits, options.seed)
+    scale = torque_scale(motions, limits, options.seed)
     constraints = SmoothConstraints(chain, parameters, motions.limits, clearance)
     generators = np.random.default_rng(options.seed).spawn(options.starts)
 
@@ -77,7 +77,7 @@ def design_excitation(
                 progress(DesignProgress(start, options.starts, iteration, options.iterations, value))
 
         problem = DesignProblem(chain, motions.basis, base.columns, scale, function, constraints)
-        return _optimise(problem, motions, motions.draw(generators[start]), options.iterations, report)
+        return optimise(problem, motions, motions.draw(generators[start]), options.iterations, report)
 
     with ThreadPoolExecutor(min(threads or os.cpu_count() or 1, options.starts)) as pool:
         results = list(pool.map(run, range(options.starts)))
@@ -112,9 +112,9 @@ def random_excitation(
     """
     began = time.perf_counter()
     options = options or DesignOptions()
-    motions = _feasible_motions(chain, parameters, limits, options, clearance)
+    motions = feasible_motions(chain, parameters, limits, options, clearance)
     base = base_parameters(chain, options.groups)
-    scale = _torque_scale(motions, limits, options.seed)
+    scale = torque_scale(motions, limits, options.seed)
     coefficients = motions.enlarged(motions.draw(np.random.default_rng(options.seed)))
     motion = motions.repaired(motions.basis.trajectory(coefficients))
     if motion is None:
@@ -132,7 +132,7 @@ def random_excitation(
     )
 
 
-def _optimise(
+def optimise(
     problem: DesignProblem,
     motions: FeasibleMotions,
     first: Array,
@@ -186,7 +186,7 @@ def _repaired(
     return problem.value(problem.variables(motions.basis.free_coefficients(motion))), motion
 
 
-def _feasible_motions(
+def feasible_motions(
     chain: Chain, parameters: Array, limits: Limits, options: DesignOptions, clearance: Clearance | None
 ) -> FeasibleMotions:
     require_usable(chain, limits)
@@ -196,7 +196,7 @@ def _feasible_motions(
     return FeasibleMotions(chain, parameters, usable, basis, clearance, centres)
 
 
-def _torque_scale(motions: FeasibleMotions, limits: Limits, seed: int) -> Array:
+def torque_scale(motions: FeasibleMotions, limits: Limits, seed: int) -> Array:
     """Torque limits (n,); where a joint has none, the RMS torque of a random motion."""
     scale = limits.torque
     if np.all(np.isfinite(scale)):
