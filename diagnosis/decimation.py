@@ -8,10 +8,10 @@ hypothesis pass the same taps, so what is cut off beyond them cancels out.
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from identification.filtering import decimation_step, zero_phase_lowpass
-from identification.kinematics import kernel
 
 Array = NDArray[np.float64]
 
@@ -53,22 +53,14 @@ def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
     return DecimatingFilter(taps / taps.sum(), decimation_step(sample_rate, cutoff))
 
 
-@kernel
+# A sum of taps may be taken in any order that vectorises; compiled once, it is the same order every time.
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def _convolve(x, taps, step, out):  # type: ignore[no-untyped-def]
-    """out[c, m] = sum_k taps[k] x[c, m step + k], four partial sums at a time so that it vectorises."""
-    size = taps.size
-    lanes = np.empty(8)
+    """out[c, m] = sum_k taps[k] x[c, m step + k]."""
     for c in range(x.shape[0]):
         for m in range(out.shape[1]):
-            lanes[:] = 0.0
-            start = m * step
-            whole = size - size % 8
-            for k in range(0, whole, 8):
-                for lane in range(8):
-                    lanes[lane] += taps[k + lane] * x[c, start + k + lane]
+            window = x[c, m * step : m * step + taps.size]
             total = 0.0
-            for lane in range(8):
-                total += lanes[lane]
-            for k in range(whole, size):
-                total += taps[k] * x[c, start + k]
+            for k in range(taps.size):
+                total += taps[k] * window[k]
             out[c, m] = total

@@ -1,4 +1,4 @@
-"""The command line: ``testbench run | excite | simulate | identify | diagnose | predict | list | view``.
+"""The command line: ``testbench run | excite | simulate | identify | compare | diagnose | ...``.
 
 Exit codes: 0 done, 2 bad input (one line on stderr), 1 a fault of ours. What a command needs is
 imported when it is called, so that ``--help`` answers at once.
@@ -212,6 +212,32 @@ def predict(
     from diagnosis.predict import predict as predict_torque
 
     predict_torque(diagnosis, log, out)
+
+
+@app.command
+def compare(
+    question: Annotated[str, Parameter(help="criteria, estimators, differentiation or trajectories")],
+    scenario: Annotated[
+        Path | None, Parameter(help="scenario YAML; scenarios/compare_QUESTION.yaml when not given")
+    ] = None,
+    /,
+    *,
+    out: Annotated[Path, Parameter(help="folder for cases, CSV and report.html; a second call resumes")],
+    jobs: Annotated[
+        int | None,
+        Parameter(help="processes; all cores when not given", validator=_at_least(1, "--jobs")),
+    ] = None,
+    scheduler: Annotated[
+        str | None, Parameter(help="address of a Dask scheduler whose workers run the cases")
+    ] = None,
+    seed: Annotated[
+        int | None, Parameter(help="instead of the scenario's", validator=_at_least(0, "--seed"))
+    ] = None,
+) -> None:
+    """Compare every choice over seeds and noise levels; resumable, in parallel."""
+    from .compare import compare as run_comparison
+
+    run_comparison(question, scenario, out, jobs, scheduler, seed)
 
 
 @app.command(name="list")

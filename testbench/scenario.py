@@ -124,6 +124,30 @@ class ModelErrorSection(_Section):
     scale: Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)] = 0.0
 
 
+class RecordedSection(_Section):
+    """A robot's own runs, compared beside the simulated ones where the files exist. Paths as ``model``.
+
+    model: its nominal model. halves: two logs, each fitted to predict the other.
+    """
+
+    model: Path
+    halves: tuple[Path, Path]
+
+
+class ComparisonSection(_Section):
+    """What ``testbench compare`` repeats. The scenario and its variants are the levels it is done at.
+
+    level: name of the scenario's own. repetitions: seeds. choices: what is compared, everything when empty.
+    difference_starts: designs of each criterion with finite-difference gradients.
+    """
+
+    level: str = "default"
+    repetitions: Annotated[int, Field(ge=1, le=1000)] = 5
+    choices: tuple[str, ...] = ()
+    difference_starts: Annotated[int, Field(ge=0, le=100)] = 2
+    recorded: RecordedSection | None = None
+
+
 class Scenario(_Section):
     """A whole scenario. model: MJCF or URDF, relative to the scenario file.
 
@@ -141,6 +165,7 @@ class Scenario(_Section):
     model_error: ModelErrorSection = ModelErrorSection()
     validation: ValidationSection = ValidationSection()
     identification: IdentificationSection = IdentificationSection()
+    comparison: ComparisonSection = ComparisonSection()
 
 
 def load_scenario(path: str | Path) -> tuple[Scenario, dict[str, Scenario]]:
@@ -184,8 +209,16 @@ def _validated(path: Path, prefix: str, content: Mapping[str, Any]) -> Scenario:
         scenario = Scenario.model_validate(content)
     except ValidationError as error:
         raise _complaint(path, prefix, error) from None
-    model = scenario.model if scenario.model.is_absolute() else path.parent / scenario.model
-    return scenario.model_copy(update={"model": model})
+    update: dict[str, Any] = {"model": path.parent / scenario.model}
+    recorded = scenario.comparison.recorded
+    if recorded is not None:
+        places = {
+            "model": path.parent / recorded.model,
+            "halves": [path.parent / log for log in recorded.halves],
+        }
+        found = recorded.model_copy(update=places)
+        update["comparison"] = scenario.comparison.model_copy(update={"recorded": found})
+    return scenario.model_copy(update=update)
 
 
 def _complaint(path: Path, prefix: str, error: ValidationError) -> InputError:

@@ -11,8 +11,11 @@ from identification.parameters import pseudo_inertia
 from testbench.background import background
 from testbench.model_error import ModelError, nominal_model, nominal_parameters
 from testbench.robot import Robot, load_robot
+from testbench.run import run_scenario, simulation_options
+from testbench.scenario import load_scenario
 from testbench.simulation import SimulationOptions, sample_reference, simulate
 
+from .small_arm import ARM as SMALL_ARM
 from .test_simulation import Sines
 
 
@@ -78,10 +81,10 @@ def test_drawn_links_could_be_built_however_wild(tx90: Robot) -> None:
 def test_errors_have_the_size_that_was_asked_for(tx90: Robot) -> None:
     truth = tx90.parameters.reshape(6, 14)
     drawn = np.array([nominal_parameters(tx90, ModelError(), seed).reshape(6, 14) for seed in range(100)])
-    ratio = np.log(drawn / np.where(truth == 0, 1, truth))
     # 600 draws each: the deviation is known to 3 %, bounds at 5 of those.
     for column, deviation in ((9, 0.06), (10, 0.08), (11, 0.2), (12, 0.15)):
-        assert ratio[:, :, column].std() == pytest.approx(deviation, rel=0.15)
+        ratio = np.log(drawn[:, :, column] / truth[:, column])
+        assert ratio.std() == pytest.approx(deviation, rel=0.15)
 
 
 def test_a_nominal_model_is_written_as_mjcf(tx90: Robot, tmp_path: Path) -> None:
@@ -99,3 +102,46 @@ def test_a_nominal_model_is_written_as_mjcf(tx90: Robot, tmp_path: Path) -> None
 def test_a_negative_error_is_refused() -> None:
     with pytest.raises(InputError, match="mass"):
         ModelError(mass=-0.1)
+
+
+SCENARIO = """
+name: hidden
+model: arm.xml
+effects:
+  - {effect: backlash, joint: elbow, values: {gap: 0.003}}
+  - {effect: joint_coupling, joint: 1, into: 2, law: smooth}
+background: {scale: 0.5}
+model_error: {scale: 1}
+"""
+
+
+def test_a_scenario_hides_effects_and_a_background(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(SMALL_ARM)
+    (tmp_path / "hidden.yaml").write_text(SCENARIO)
+    scenario, _ = load_scenario(tmp_path / "hidden.yaml")
+    robot = load_robot(scenario.model)
+    options = simulation_options(scenario, robot)
+    first, second = options.effects[:2]
+    assert (first.effect, first.joint, first.values) == ("backlash", 1, {"gap": 0.003})
+    assert (second.into, second.law) == (1, "smooth")
+    assert len(options.effects) == 2 + 5 * robot.joints
+    assert np.all(np.asarray(options.sensors.torque_noise) == 0.0025)
+
+
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        ("{effect: backlash, joint: 2, play: 1}", "effects.0.play"),
+        ("{effect: backlash, joint: hip}", "shoulder, elbow"),
+        ("{effect: slack, joint: 2}", "transmission_ripple"),
+        ("{effect: backlash, joint: 2, values: {gap: wide}}", "effects.0.values.gap"),
+    ],
+)
+def test_a_wrong_effect_in_a_scenario_is_one_line(tmp_path: Path, entry: str, says: str) -> None:
+    (tmp_path / "arm.xml").write_text(SMALL_ARM)
+    (tmp_path / "hidden.yaml").write_text(f"name: hidden\nmodel: arm.xml\neffects: [{entry}]\n")
+    with pytest.raises(InputError) as caught:
+        run_scenario(tmp_path / "hidden.yaml", tmp_path / "out")
+    assert "hidden.yaml" in str(caught.value)
+    assert says in str(caught.value)
+    assert not (tmp_path / "out").exists()

@@ -42,7 +42,7 @@ DESCRIPTION = EffectDescription(
 )
 
 SOFT_CONTACT = 0.25
-GAPS = (0.0003, 0.001, 0.002, 0.004, 0.008)
+GAPS = (0.0003, 0.0008, 0.0016, 0.003, 0.006)
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -66,16 +66,17 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     """The torque that the motor is spared while the link crosses the gap, and the push when it lands.
 
     The link follows the motor until the load changes sign, then flies freely across; landing is
-    inelastic. One column a gap, whose coefficient is 1 where the gap is right.
+    inelastic. One column a gap, whose coefficient is 1 where the gap is right. The load is that of the
+    measured motion: the kick of a landing is in it, and a reference knows nothing of when it lands.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    inertia = [run.smooth.load_change(joint, np.array([[0.0, 0.0, 1.0]]))[:, joint] for run in runs]
+    inertia = [run.load_change(joint, np.array([[0.0, 0.0, 1.0]]))[:, joint] for run in runs]
 
     def member(shape: Mapping[str, float]) -> Member:
         columns = []
         for run, own in zip(runs, inertia, strict=True):
             column = np.empty(run.samples)
-            load = np.ascontiguousarray(run.smooth.load[:, joint])
+            load = np.ascontiguousarray(run.load[:, joint])
             _crossings(load, np.ascontiguousarray(own), shape["gap"], 1 / run.sample_rate, column)
             columns.append(column[:, None, None])
         return Member(dict(shape), (joint,), tuple(columns), np.zeros(1), np.full(1, 2.0))

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from identification.chain import Chain
 from identification.errors import InputError
+from identification.inverse_dynamics import inverse_dynamics
 from identification.kinematics import kernel
 from identification.parameters import ARMATURE, PER_JOINT
 from identification.regressor import regressor
@@ -23,7 +24,6 @@ from .sensors import per_joint
 Array = NDArray[np.float64]
 
 KINDS = ("pd_with_model_feedforward", "pd")
-BLOCK = 512
 
 
 @dataclass(frozen=True)
@@ -94,14 +94,8 @@ def diagonal_inertia(chain: Chain, parameters: Array, pose: Array) -> Array:
 
 def feedforward(chain: Chain, parameters: Array, reference: Reference, coulomb_smoothing: float) -> Array:
     """Inverse dynamics of a model along a reference, (N, n) N·m; sgn is tanh(dq / coulomb_smoothing)."""
-    out = np.empty_like(reference.position)
-    for start in range(0, reference.samples, BLOCK):
-        part = slice(start, start + BLOCK)
-        q, dq, ddq = reference.position[part], reference.velocity[part], reference.acceleration[part]
-        rows = regressor(chain, q, dq, ddq, coulomb_velocity=coulomb_smoothing, threads=1)
-        # einsum, not a BLAS product: its sums do not depend on the number of threads.
-        out[part] = np.einsum("tjc,c->tj", rows, parameters)
-    return out
+    motion = reference.position, reference.velocity, reference.acceleration
+    return inverse_dynamics(chain, parameters, *motion, coulomb_velocity=coulomb_smoothing, threads=1)
 
 
 @kernel

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
+from .bare_model import bare_model
 from .hooks import Standstill
+from .mujoco_pointers import installed_control
 
 Array = NDArray[np.float64]
 
@@ -31,7 +33,10 @@ def plant_model(model: Any, timestep: float) -> Any:
     Linear damping and frictionloss are zero in it: the callback applies them exactly. Springs,
     gravity compensation and fluid forces stay.
     """
-    plant = copy.copy(model)
+    # Compiling runs the dynamics once, and with it whatever callback the process has.
+    with installed_control(None):
+        # A model that cannot do without its geoms comes back as it is.
+        plant = copy.copy(bare_model(model))
     plant.dof_damping[:] = 0.0
     plant.dof_frictionloss[:] = 0.0
     plant.opt.timestep = timestep

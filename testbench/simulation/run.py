@@ -1,6 +1,8 @@
 """From references to recordings: set up the loops, run them as one batch, and let the sensors report."""
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
@@ -84,11 +86,12 @@ def simulate(
     streams = np.random.SeedSequence(seed).spawn(count) if isinstance(seed, (int, np.integer)) else list(seed)
     if len(streams) != count:
         raise InputError("simulation", "seed", f"one stream a run, {count}", len(streams))
-    runs = [
-        _Run(*each, nominal or each[0]) for each in zip(robots, references, settings, streams, strict=True)
-    ]
-    outputs = run_loops([run.loop for run in runs], threads)
-    return tuple(run.recording(output) for run, output in zip(runs, outputs, strict=True))
+    cases = list(zip(robots, references, settings, streams, strict=True))
+    with ThreadPoolExecutor(min(threads or os.cpu_count() or 1, count)) as pool:
+        # Feedforward, noise and copies take as long as the stepping; they release the interpreter.
+        runs = list(pool.map(lambda case: _Run(*case, nominal or case[0]), cases))
+        outputs = run_loops([run.loop for run in runs], threads)
+        return tuple(pool.map(_Run.recording, runs, outputs))
 
 
 def _one_each(value: Any, kind: type, count: int, name: str) -> list[Any]:
@@ -208,9 +211,7 @@ class _Run:
                 # What the robot hides belongs to the truth.
                 "simulation": _plain(asdict(replace(options, effects=()))),
                 "seed": {"entropy": self.stream.entropy, "spawn_key": list(self.stream.spawn_key)},
-                "versions": {
-                    name: version(name) for name in ("mujoco", "numba", "numpy", "identification-testbench")
-                },
+                "versions": _versions(),
             },
             is_slide=tuple(bool(slide) for slide in robot.chain.is_slide),
         )

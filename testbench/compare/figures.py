@@ -1,0 +1,112 @@
+"""The plots of a comparison, made from its rows; every choice keeps its colour."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+from plotly.colors import qualitative
+
+from ..report.figures import TEMPLATE
+from .case import Row
+
+COLOURS = qualitative.D3 + qualitative.Set2
+SYMBOLS = ("circle", "square", "diamond", "triangle-up", "x", "star")
+
+
+def numbers(rows: Sequence[Row], metric: str) -> NDArray[np.float64]:
+    """The known, positive values of a metric; zero has no place on a logarithmic axis."""
+    values = [row.get(metric) for row in rows]
+    return np.array(
+        [v for v in values if isinstance(v, float | int) and np.isfinite(v) and v > 0], dtype=float
+    )
+
+
+def against_level(
+    rows: Sequence[Row], choices: Sequence[str], levels: Sequence[str], metric: str, title: str
+) -> go.Figure:
+    """Median over seeds of each choice at each level, with the quartiles as bars."""
+    figure = go.Figure(layout={"template": TEMPLATE, "height": 430})
+    for index, choice in enumerate(choices):
+        places, middles, lows, highs = [], [], [], []
+        for place, level in enumerate(levels):
+            found = numbers(
+                [row for row in rows if row["choice"] == choice and row["level"] == level], metric
+            )
+            if len(found):
+                low, middle, high = np.quantile(found, [0.25, 0.5, 0.75])
+                # Side by side, so that the bars of neighbours can be told apart.
+                places.append(place + 0.03 * (index - (len(choices) - 1) / 2))
+                middles.append(middle)
+                lows.append(middle - low)
+                highs.append(high - middle)
+        if places:
+            figure.add_scatter(
+                x=places,
+                y=middles,
+                error_y={"type": "data", "array": highs, "arrayminus": lows, "thickness": 1, "width": 2},
+                name=choice,
+                mode="lines+markers",
+                line_color=_colour(index),
+                marker_symbol=SYMBOLS[index % len(SYMBOLS)],
+            )
+    figure.update_xaxes(tickvals=list(range(len(levels))), ticktext=list(levels))
+    figure.update_yaxes(title=title, type="log", tickformat="~g", dtick="D2")
+    return _beside(figure)
+
+
+def boxes(rows: Sequence[Row], choices: Sequence[str], metric: str, title: str) -> go.Figure:
+    """Every seed or start of each choice, as a box with its points."""
+    figure = go.Figure(layout={"template": TEMPLATE, "height": 380})
+    for index, choice in enumerate(choices):
+        found = numbers([row for row in rows if row["choice"] == choice], metric)
+        if len(found):
+            figure.add_box(
+                y=found, name=choice, boxpoints="all", jitter=0.4, pointpos=0, marker_size=4, line_width=1.2,
+                marker_color=_colour(index), showlegend=False,
+            )  # fmt: skip
+    figure.update_yaxes(title=title, type="log", tickformat="~g", dtick="D2")
+    return figure
+
+
+def time_against(
+    rows: Sequence[Row], choices: Sequence[str], levels: Sequence[str], metric: str, title: str
+) -> go.Figure:
+    """Median time against median of a metric: the lower left corner is best. A symbol a level."""
+    figure = go.Figure(layout={"template": TEMPLATE, "height": 430})
+    for place, level in enumerate(levels):
+        for index, choice in enumerate(choices):
+            members = [row for row in rows if row["choice"] == choice and row["level"] == level]
+            seconds, found = numbers(members, "seconds"), numbers(members, metric)
+            if len(seconds) and len(found):
+                figure.add_scatter(
+                    x=[np.median(seconds)],
+                    y=[np.median(found)],
+                    name=choice,
+                    legendgroup=choice,
+                    showlegend=place == 0,
+                    mode="markers",
+                    marker={"color": _colour(index), "size": 11, "symbol": SYMBOLS[place % len(SYMBOLS)]},
+                    hovertemplate=f"{choice}, {level}<br>%{{x:.3g}} s, %{{y:.3g}}<extra></extra>",
+                )
+    figure.update_xaxes(title="processor time, s", type="log", tickformat="~g", dtick="D2")
+    figure.update_yaxes(title=title, type="log", tickformat="~g", dtick="D2")
+    return _beside(figure)
+
+
+def bars(names: Sequence[str], values: Sequence[float], title: str) -> go.Figure:
+    """One logarithmic bar a name, longest at the bottom."""
+    figure = go.Figure(layout={"template": TEMPLATE, "height": 90 + 30 * len(names)})
+    figure.add_bar(x=values, y=names, orientation="h", marker_color=COLOURS[0])
+    figure.update_xaxes(title=title, type="log", tickformat="~g", dtick="D2")
+    return figure.update_layout(margin_l=210)
+
+
+def _colour(index: int) -> str:
+    return COLOURS[index % len(COLOURS)]
+
+
+def _beside(figure: go.Figure) -> go.Figure:
+    """The legend to the right: there are too many names for a line above."""
+    legend = {"orientation": "v", "x": 1.01, "y": 1, "xanchor": "left", "yanchor": "top"}
+    return figure.update_layout(legend=legend, margin_r=210)

@@ -1,0 +1,158 @@
+"""What a comparison says in words, computed from its rows."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from . import criteria, estimators
+from .case import Row
+from .figures import numbers
+
+# Two medians this near to each other are called equal.
+NEAR = 1.1
+# The two-stage design is compared with this many starts of -log det, to within this share.
+STARTS, WITHIN = 20, 0.05
+
+
+def verdict(question: str, rows: Sequence[Row]) -> list[str]:
+    """One sentence a finding, the most important first."""
+    if question == "criteria":
+        return _criteria(rows)
+    simulated = [row for row in rows if row["level"] != estimators.RECORDED]
+    lines = []
+    for level in dict.fromkeys(str(row["level"]) for row in simulated):
+        lines.append(_best([row for row in simulated if row["level"] == level], level))
+    if question == "estimators":
+        lines += _against_ordinary(simulated) + _recorded(rows)
+    if question == "differentiation":
+        lines.append(_lowest(simulated, "acceleration_error", "The acceleration is nearest to the truth by"))
+    if question == "trajectories":
+        lines.append(_lowest(simulated, "minus_logdet", "The most information is in", least=True))
+    return lines
+
+
+def medians(rows: Sequence[Row], metric: str) -> dict[str, float]:
+    """Median of a metric by choice, smallest first; choices without one are left out."""
+    found = {}
+    for choice in dict.fromkeys(str(row["choice"]) for row in rows):
+        values = [row.get(metric) for row in rows if row["choice"] == choice]
+        known = [value for value in values if isinstance(value, float | int) and np.isfinite(value)]
+        if known:
+            found[choice] = float(np.median(known))
+    return dict(sorted(found.items(), key=lambda pair: pair[1]))
+
+
+def _best(rows: Sequence[Row], level: str) -> str:
+    error, seconds = medians(rows, "prediction_error"), medians(rows, "seconds")
+    if not error:
+        return f"At {level} nothing could be compared."
+    best = next(iter(error.values()))
+    equal = [name for name, value in error.items() if value <= NEAR * best]
+    quickest = min(equal, key=lambda name: seconds.get(name, np.inf))
+    text = f"At {level} torque is predicted best by {', '.join(equal)} ({100 * best:.2g} % of its RMS)"
+    if len(equal) > 1:
+        text += f", of which {quickest} is quickest ({seconds[quickest]:.2g} s)"
+    worst = max(error, key=lambda name: error[name])
+    return text + f"; {worst} is {error[worst] / best:.3g} times as far off."
+
+
+def _against_ordinary(rows: Sequence[Row]) -> list[str]:
+    """Where errors in the regressor make ordinary least squares fall behind."""
+    lines = []
+    for level in dict.fromkeys(str(row["level"]) for row in rows):
+        error = medians([row for row in rows if row["level"] == level], "prediction_error")
+        if "ols" not in error:
+            continue
+        better = {
+            name: error["ols"] / value
+            for name, value in error.items()
+            if name in ("instrumental_variable", "maximum_likelihood", "tls") and error["ols"] > NEAR * value
+        }
+        if better:
+            told = ", ".join(f"{name} {ratio:.2g} times" for name, ratio in better.items())
+            lines.append(f"At {level} ordinary least squares is beaten by {told}.")
+    bound = medians([row for row in rows if row["level"] == rows[0]["level"]], "over_bound")
+    reach = [f"{name} {value:.2f}" for name, value in bound.items() if value <= 1.5]
+    if reach:
+        lines.append(
+            f"At {rows[0]['level']} these come within 1.5 times the Cramér-Rao bound: {', '.join(reach)}."
+        )
+    return lines
+
+
+def _recorded(rows: Sequence[Row]) -> list[str]:
+    error = medians([row for row in rows if row["level"] == estimators.RECORDED], "validation_residual")
+    if not error:
+        return []
+    told = ", ".join(f"{name} {100 * value:.1f} %" for name, value in error.items())
+    return [f"On the recorded robot, residual over RMS torque on the half not fitted: {told}."]
+
+
+def _lowest(rows: Sequence[Row], metric: str, text: str, least: bool = False) -> str:
+    found = medians(rows, metric)
+    best = next(iter(found))
+    others = ", ".join(f"{name} {value:.3g}" for name, value in list(found.items())[1:])
+    unit = "-log det" if least else "relative error"
+    return f"{text} {best} ({unit} {found[best]:.3g}; {others})."
+
+
+def _criteria(rows: Sequence[Row]) -> list[str]:
+    lines = []
+    alone = next((row for row in rows if row["choice"] == criteria.ALONE), None)
+    if alone is not None:
+        cost = {
+            name.removesuffix("_ms"): float(value) for name, value in alone.items() if name.endswith("_ms")
+        }  # type: ignore[arg-type]
+        ratio = {name: cost[name] / cost["hadamard"] for name in ("logdet", "condition_by_svd")}
+        lines.append(
+            f"Alone, Hadamard's criterion costs {cost['hadamard']:.2g} ms, -log det {ratio['logdet']:.1f} times and the"
+            f" condition number by SVD {ratio['condition_by_svd']:.1f} times as much."
+        )
+    seconds = {name: float(np.mean(numbers(_of(rows, name), "seconds"))) for name in _designs(rows)}
+    bound = medians([row for row in rows if row["choice"] in seconds], "relative_bound")
+    told = ", ".join(f"{name} {seconds[name]:.2g} s to {100 * value:.2g} %" for name, value in bound.items())
+    lines.append(f"One start takes, to this median Cramér-Rao deviation of the parameters: {told}.")
+    return lines + _two_stage(rows, seconds)
+
+
+def _designs(rows: Sequence[Row]) -> list[str]:
+    names = dict.fromkeys(str(row["choice"]) for row in rows if row["choice"] != criteria.ALONE)
+    return [name for name in names if len(numbers(_of(rows, name), "seconds"))]
+
+
+def _of(rows: Sequence[Row], choice: str) -> list[Row]:
+    return [row for row in rows if row["choice"] == choice]
+
+
+def _two_stage(rows: Sequence[Row], seconds: dict[str, float]) -> list[str]:
+    """How few starts of the two-stage design do what the best of all -log det starts does, and how soon."""
+    reference = [row for row in _of(rows, "logdet") if "relative_bound" in row]
+    ours = [row for row in _of(rows, criteria.TWO_STAGE) if "relative_bound" in row]
+    if not reference or not ours:
+        return []
+    goal = _bound_of_best(reference)
+    for count in range(1, len(ours) + 1):
+        # As a user would: so many starts, the one of least -log det. The mean over disjoint groups.
+        groups = [ours[start : start + count] for start in range(0, len(ours) - count + 1, count)]
+        reached = float(np.mean([_bound_of_best(group) for group in groups]))
+        if reached <= (1 + WITHIN) * goal:
+            break
+    else:
+        return [f"{criteria.TWO_STAGE} does not come within {100 * WITHIN:.0f} % of the best of -log det."]
+    spent = count * seconds[criteria.TWO_STAGE]
+    text = (
+        f"{criteria.TWO_STAGE} from {count} starts reaches {100 * reached:.3g} % where the best of"
+        f" {len(reference)} starts by -log det has {100 * goal:.3g} %, in {spent:.3g} s"
+    )
+    rivals = [
+        f"{spent / (len(reference) * seconds[name]):.3f} of what {name} takes for {len(reference)} starts"
+        f" ({len(reference) * seconds[name]:.0f} s)"
+        for name in ("logdet", *criteria.DIFFERENCES)
+        if name in seconds
+    ]
+    return [text + "".join(f"; {rival}" for rival in rivals) + "."]
+
+
+def _bound_of_best(rows: Sequence[Row]) -> float:
+    best = min(rows, key=lambda row: float(row["minus_logdet"]))  # type: ignore[arg-type]
+    return float(best["relative_bound"])  # type: ignore[arg-type]
