@@ -17,7 +17,7 @@ from identification.parameters import PER_JOINT
 from testbench.effects import effects
 
 from .candidates import Candidate, candidate, candidates
-from .evidence import Design, Fit, Gain, Stage, design, fit, torque_rms
+from .evidence import Design, Fit, Gain, Stage, design, determined, fit, torque_rms
 from .generic import generic_candidates
 from .preparation import Prepared
 
@@ -27,12 +27,14 @@ Array = NDArray[np.float64]
 SMALLEST_SHARE = 0.10
 # ... and at least this much of the joint's RMS torque.
 SMALLEST_TORQUE = 0.006
-# Drop of the objective that a shift of parameters must explain before it is called an effect.
-SMALLEST_SHIFT = 30.0
+# Twice the log-likelihood that a shift of parameters must cost before it is called an effect.
+SMALLEST_SHIFT = 15.0
 # Columns that the parameters' columns span to this share show in the parameters' shift alone.
 HIDDEN_OVERLAP = 0.9
 MOST_EFFECTS = 6
 SHORTLIST = 4
+# Members of a family that are weighed again at later stages.
+LEADING_MEMBERS = 3
 # A free function of the motion that explains this much more than the best named effect is unknown.
 UNKNOWN_SHARE = 0.25
 # How sharply a difference in held-out log-likelihood is believed, coloured misfit considered.
@@ -84,40 +86,36 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     first = hypothesis, fitted
     # A push of the surroundings can imitate anything for a while: it is weighed last.
     early = [*without, CONTACT]
-    proposals = candidates(prepared, early)
-    contact_weighed = CONTACT in without
-    free = generic_candidates(prepared)
+    proposals, free = candidates(prepared, early), generic_candidates(prepared)
     accepted: list[Accepted] = []
     unknown: list[tuple[int, str, float]] = []
     weighed: list[Weighed] = []
     while len(accepted) < MOST_EFFECTS:
         stage = Stage(prepared, hypothesis, fitted)
-        weighed = _weigh(stage, proposals)
-        generic = _weigh(stage, free)
+        weighed, leading = _weigh(stage, proposals)
         taken = {item.candidate.place for item in accepted}
         open_ = [w for w in weighed if w.candidate.place not in taken]
         if not open_:
             break
-        best, rivals, refined, trial = _choose(prepared, stage, accepted, open_)
+        best, rivals, trial = _choose(prepared, stage, accepted, open_)
+        generic, _ = _weigh(stage, free)
         unknown = _unclaimed(stage, generic, best)
         if not _material(stage, best.gain):
-            shifted = _shifted(stage, open_)
-            if shifted is None and contact_weighed:
+            last = _shifted(prepared, stage, accepted, open_)
+            last = last or _contact(prepared, stage, without, taken)
+            if last is None:
                 break
-            if shifted is None:
-                contact_weighed = True
-                proposals += candidates(prepared, without, (CONTACT,))
-                continue
-            best, rivals = shifted, ()
-            refined = best.candidate
-            trial = _fitted(prepared, [*(a.candidate for a in accepted), refined])
+            best, rivals = last
+            trial = _fitted(prepared, [*(a.candidate for a in accepted), best.candidate])
         share = _shares(stage, best.gain).max()
         probability = 1.0 - sum(p for _, p in rivals)
-        accepted.append(Accepted(refined, probability, rivals, float(share)))
+        accepted.append(Accepted(best.candidate, probability, rivals, float(share)))
         hypothesis, fitted = trial
-        if refined.family.effect in WORLD:
+        # Shapes that were far behind from the start do not come back.
+        proposals = leading
+        if best.candidate.family.effect in WORLD:
             prepared = linearised(prepared, hypothesis, fitted)
-            proposals = candidates(prepared, without if contact_weighed else early)
+            proposals = candidates(prepared, early)
             accepted = [replace(a, candidate=_again(prepared, a.candidate)) for a in accepted]
             hypothesis, fitted = _fitted(prepared, [a.candidate for a in accepted])
     accepted, hypothesis, fitted = _pruned(prepared, accepted, hypothesis, fitted)
@@ -158,17 +156,29 @@ def _score(stage: Stage, gain: Gain) -> float:
     return float(-0.5 * np.sum(stage.effective_samples * np.log(1 - _shares(stage, gain))))
 
 
-def _weigh(stage: Stage, proposals: Sequence[Candidate]) -> list[Weighed]:
-    """Each family's best member, best first."""
-    best: dict[tuple, Weighed] = {}
+def _weigh(stage: Stage, proposals: Sequence[Candidate]) -> tuple[list[Weighed], list[Candidate]]:
+    """Each family's best member, best first; and the few best members of every family."""
+    families: dict[tuple[str, int | None, int | None], list[Weighed]] = {}
     for proposal in proposals:
         gain = stage.gain(proposal)
-        if gain is None:
-            continue
-        score = _score(stage, gain)
-        if proposal.place not in best or score > best[proposal.place].score:
-            best[proposal.place] = Weighed(gain, score)
-    return sorted(best.values(), key=lambda w: -w.score)
+        if gain is not None:
+            families.setdefault(proposal.place, []).append(Weighed(gain, _score(stage, gain)))
+    for members in families.values():
+        members.sort(key=lambda w: -w.score)
+    best = sorted((members[0] for members in families.values()), key=lambda w: -w.score)
+    leading = [w.candidate for members in families.values() for w in members[:LEADING_MEMBERS]]
+    return best, leading
+
+
+def _contact(
+    prepared: Prepared, stage: Stage, without: Sequence[str], taken: set[tuple[str, int | None, int | None]]
+) -> tuple[Weighed, tuple[tuple[Weighed, float], ...]] | None:
+    """A material push of the surroundings, where nothing else explains what is left."""
+    if CONTACT in without:
+        return None
+    weighed, _ = _weigh(stage, candidates(prepared, without, (CONTACT,)))
+    open_ = [w for w in weighed if w.candidate.place not in taken and _material(stage, w.gain)]
+    return (open_[0], ()) if open_ else None
 
 
 def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:
@@ -205,8 +215,8 @@ def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:
 
 def _choose(
     prepared: Prepared, stage: Stage, accepted: Sequence[Accepted], open_: Sequence[Weighed]
-) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], Candidate, tuple[Design, Fit]]:
-    """The shortlist refined and fitted jointly in full; the best, its rivals with their probabilities."""
+) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]]:
+    """The shortlist refined and fitted jointly in full: the best, its rivals with their probabilities."""
     shortlist = [_refined(prepared, stage, w) for w in open_[:SHORTLIST]]
     before = [a.candidate for a in accepted]
     trials = [_fitted(prepared, [*before, w.candidate]) for w in shortlist]
@@ -216,9 +226,8 @@ def _choose(
     order = np.argsort(-likelihood, kind="stable")
     odds = np.exp((likelihood - likelihood[order[0]]) / TEMPERATURE)
     probability = odds / odds.sum()
-    top = order[0]
     rivals = tuple((shortlist[i], float(probability[i])) for i in order[1:])
-    return shortlist[top], rivals, shortlist[top].candidate, trials[top]
+    return shortlist[order[0]], rivals, trials[order[0]]
 
 
 def _held_log(stage: Stage, trial: tuple[Design, Fit], samples: Array | None) -> float:
@@ -235,11 +244,31 @@ def _material(stage: Stage, gain: Gain) -> bool:
     return bool(np.any((_shares(stage, gain) > SMALLEST_SHARE) & (removed > SMALLEST_TORQUE * torque)))
 
 
-def _shifted(stage: Stage, open_: Sequence[Weighed]) -> Weighed | None:
-    """The effect that best explains a shift of the parameters, if the shift is more than CAD's."""
+def _shifted(
+    prepared: Prepared, stage: Stage, accepted: Sequence[Accepted], open_: Sequence[Weighed]
+) -> tuple[Weighed, tuple[tuple[Weighed, float], ...]] | None:
+    """The effect that best explains a shift of the parameters beyond CAD's, and its rivals.
+
+    Judged by twice the log-likelihood: squared residuals at the stage's weights, and the logarithm
+    by which the heavy-tailed prior penalises the shift.
+    """
     hidden = [w for w in open_ if w.candidate.family.swallowed or w.gain.overlap > HIDDEN_OVERLAP]
-    best = max(hidden, key=lambda w: w.gain.objective, default=None)
-    return best if best is not None and best.gain.objective > SMALLEST_SHIFT else None
+    shortlist = sorted(hidden, key=lambda w: -w.gain.objective)[:SHORTLIST]
+    worth = []
+    for weighed in shortlist:
+        _, trial = _fitted(prepared, [*(a.candidate for a in accepted), weighed.candidate])
+        explained = sum(
+            float(np.sum(stage.weights * (before**2 - after**2)))
+            for before, after in zip(stage.fitted.residual, trial.residual, strict=True)
+        )
+        shift = determined(prepared) * np.log(stage.fitted.prior_scale / trial.prior_scale)
+        worth.append(explained + shift)
+    if not worth or max(worth) < SMALLEST_SHIFT:
+        return None
+    order = np.argsort(-np.array(worth), kind="stable")
+    odds = np.exp((np.array(worth) - max(worth)) / 2)
+    probability = odds / odds.sum()
+    return shortlist[order[0]], tuple((shortlist[i], float(probability[i])) for i in order[1:])
 
 
 def _unclaimed(stage: Stage, generic: Sequence[Weighed], best: Weighed) -> list[tuple[int, str, float]]:

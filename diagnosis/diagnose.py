@@ -9,7 +9,7 @@ from testbench.log import Recording
 from testbench.robot import Robot
 
 from .attribution import Accepted, Attribution, attribute, standard_values
-from .evidence import Design, Fit
+from .evidence import Design
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate
 from .localisation import where
 from .noise import noise_rms
@@ -52,7 +52,8 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         parameters=standard_values(prepared, fitted),
         timing=float(fitted.values[hypothesis.parameters - 1]),
         notes=tuple(
-            f"{robot.joint_names[joint]}: a free function of {regime} would explain {share:.0%} of what is left"
+            f"{robot.joint_names[joint]}: a free function of {regime} would explain "
+            f"{share:.0%} of what is left"
             for joint, regime, share in found.unknown
         ),
     )

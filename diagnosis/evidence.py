@@ -126,14 +126,14 @@ def fit(prepared: Prepared, hypothesis: Design) -> Fit:
     lower, upper = _bounds(hypothesis)
     weights = 1 / np.maximum(np.var(np.concatenate(hypothesis.gap), axis=0), 1e-30)
     prior_scale = 1.0
-    determined = _determined(prepared)
+    count = determined(prepared)
     for _ in range(WEIGHT_PASSES):
         values = _values(normal, hypothesis, weights, prior_scale, lower, upper)
         residual = _residual(hypothesis, values)
         variance, inflation = variance_inflation(residual, hypothesis.used)
         weights = 1 / np.maximum(variance * inflation, 1e-30)
         distance = float(values**2 @ hypothesis.precision)
-        prior_scale = 1.0 + distance / determined
+        prior_scale = 1.0 + distance / count
     information = np.einsum("j,fjab->ab", weights, normal.xx)
     information[np.diag_indices_from(information)] += hypothesis.precision / prior_scale + RIDGE
     values = _values(normal, hypothesis, weights, prior_scale, lower, upper)
@@ -163,7 +163,7 @@ def _bounds(hypothesis: Design) -> tuple[Array, Array]:
     return lower, upper
 
 
-def _determined(prepared: Prepared) -> float:
+def determined(prepared: Prepared) -> float:
     """How many parameters the data can move: about nine of fourteen a joint."""
     return 9.0 * prepared.joints
 
@@ -199,8 +199,8 @@ class Gain:
     """What a candidate adds to a fitted hypothesis.
 
     objective: drop of the objective, chi-squared units. held_out: (n,) drop of the held-out squared
-    residual of each joint, N²·m². coefficients: (k,). overlap: share of the candidate's columns
-    that the hypothesis already spans.
+    residual of each joint, N²·m². coefficients: (k,). overlap: the largest share of any of the
+    candidate's directions that the hypothesis already spans.
     """
 
     candidate: Candidate
@@ -287,7 +287,7 @@ class Stage:
             objective=float(2 * right @ coefficients - coefficients @ schur @ coefficients),
             held_out=held_out,
             coefficients=coefficients,
-            overlap=float(1 - remaining[-1]),
+            overlap=float(1 - remaining[0]),
         )
 
 

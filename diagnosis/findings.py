@@ -73,7 +73,7 @@ class Gap:
 
     @property
     def closed(self) -> float | None:
-        """(parameters - effects) / (parameters - noise floor) over the joints' sums; None if nothing to close."""
+        """(parameters - effects) / (parameters - noise floor), joints summed; None if nothing to close."""
         reducible = float(np.sum(self.parameters) - np.sum(self.noise_floor))
         if reducible <= 1e-9 * max(float(np.sum(self.parameters)), 1e-12):
             return None

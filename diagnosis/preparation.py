@@ -1,5 +1,6 @@
 """From logs to equations: every run filtered once, with what the given model says along it."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -100,7 +101,7 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
         folds = tuple((index, slice(0, len(run.time))) for index, run in enumerate(runs))
     else:
         edges = np.linspace(0, len(runs[0].time), BLOCKS + 1).astype(int)
-        folds = tuple((0, slice(int(a), int(b))) for a, b in zip(edges[:-1], edges[1:], strict=True))
+        folds = tuple((0, slice(int(a), int(b))) for a, b in itertools.pairwise(edges))
     return Prepared(robot, runs, folds)
 
 

@@ -140,8 +140,17 @@ def optimise(
     report: Callable[[int, float], None],
 ) -> tuple[float, Trajectory | None, int]:
     """The criterion reached from one start, its motion on the fine grid, and the evaluations it took."""
-    count = itertools.count(1)
     z = problem.variables(first)
+    found = _repaired(problem, motions, problem.coefficients(descend(problem, z, iterations, report)))
+    # The start keeps the limits; it is what is left if the optimiser ends where they cannot be kept.
+    if found[0] > problem.value(z):
+        found = min(found, _repaired(problem, motions, first), key=lambda pair: pair[0])
+    return *found, problem.evaluations
+
+
+def descend(problem: DesignProblem, z: Array, iterations: int, report: Callable[[int, float], None]) -> Array:
+    """The variables that the optimiser comes to from ``z``; limits are kept on the coarse grid only."""
+    count = itertools.count(1)
     # SLSQP starts from a unit Hessian: so scaled, its first step is small against the limits.
     scale = FIRST_STEP / float(np.linalg.norm(problem.gradient(z)))
 
@@ -169,11 +178,7 @@ def optimise(
         callback=after_iteration,
         options={"maxiter": iterations, "ftol": scale * TOLERANCE},
     )
-    found = _repaired(problem, motions, problem.coefficients(result.x))
-    # The start keeps the limits; it is what is left if the optimiser ends where they cannot be kept.
-    if found[0] > problem.value(z):
-        found = min(found, _repaired(problem, motions, first), key=lambda pair: pair[0])
-    return *found, problem.evaluations
+    return np.asarray(result.x)
 
 
 def _repaired(

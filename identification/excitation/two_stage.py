@@ -12,7 +12,7 @@ from ..base_parameters import base_parameters
 from ..chain import Chain
 from .constraints import SmoothConstraints
 from .criteria import criterion_named
-from .design import feasible_motions, optimise, torque_scale
+from .design import descend, feasible_motions, optimise, torque_scale
 from .excitation import DesignOptions
 from .limits import Clearance, Limits
 from .problem import DesignProblem
@@ -21,7 +21,7 @@ from .trajectory import Trajectory
 Array = NDArray[np.float64]
 
 # Hadamard's own optimum lies beyond what is best for the determinant: it is left after so many iterations.
-FIRST_ITERATIONS = 12
+FIRST_ITERATIONS = 15
 
 
 def design_two_stage(
@@ -40,17 +40,18 @@ def design_two_stage(
     columns = base_parameters(chain, options.groups).columns
     scale = torque_scale(motions, limits, options.seed)
     constraints = SmoothConstraints(chain, parameters, motions.limits, clearance)
-    best, motion, total = np.inf, None, 0
+    first, second = (
+        DesignProblem(chain, motions.basis, columns, scale, criterion_named(name), constraints)
+        for name in ("hadamard", "logdet")
+    )
+    best, motion = np.inf, None
     for generator in np.random.default_rng(options.seed).spawn(options.starts):
-        coefficients = motions.draw(generator)
-        for name, iterations in (("hadamard", FIRST_ITERATIONS), ("logdet", options.iterations)):
-            problem = DesignProblem(chain, motions.basis, columns, scale, criterion_named(name), constraints)
-            value, found, evaluations = optimise(
-                problem, motions, coefficients, iterations, lambda iteration, value: None
-            )
-            total += evaluations
-            if found is not None:
-                coefficients = motions.basis.free_coefficients(found)
+        z = descend(first, first.variables(motions.draw(generator)), FIRST_ITERATIONS, _unreported)
+        value, found, _ = optimise(second, motions, first.coefficients(z), options.iterations, _unreported)
         if value < best:
             best, motion = value, found
-    return motion, total
+    return motion, first.evaluations + second.evaluations
+
+
+def _unreported(iteration: int, value: float) -> None:
+    """Progress that nobody asked for."""

@@ -16,10 +16,8 @@ SYMBOLS = ("circle", "square", "diamond", "triangle-up", "x", "star")
 
 def numbers(rows: Sequence[Row], metric: str) -> NDArray[np.float64]:
     """The known, positive values of a metric; zero has no place on a logarithmic axis."""
-    values = [row.get(metric) for row in rows]
-    return np.array(
-        [v for v in values if isinstance(v, float | int) and np.isfinite(v) and v > 0], dtype=float
-    )
+    values = np.array([v for row in rows if isinstance(v := row.get(metric), float | int)], dtype=float)
+    return values[np.isfinite(values) & (values > 0)]
 
 
 def against_level(

@@ -86,10 +86,15 @@ def simulate(
     streams = np.random.SeedSequence(seed).spawn(count) if isinstance(seed, (int, np.integer)) else list(seed)
     if len(streams) != count:
         raise InputError("simulation", "seed", f"one stream a run, {count}", len(streams))
-    cases = list(zip(robots, references, settings, streams, strict=True))
+
+    def prepared(
+        own: Robot, reference: Reference, setting: SimulationOptions, stream: np.random.SeedSequence
+    ) -> _Run:
+        return _Run(own, reference, setting, stream, nominal or own)
+
     with ThreadPoolExecutor(min(threads or os.cpu_count() or 1, count)) as pool:
         # Feedforward, noise and copies take as long as the stepping; they release the interpreter.
-        runs = list(pool.map(lambda case: _Run(*case, nominal or case[0]), cases))
+        runs = list(pool.map(prepared, robots, references, settings, streams))
         outputs = run_loops([run.loop for run in runs], threads)
         return tuple(pool.map(_Run.recording, runs, outputs))
 

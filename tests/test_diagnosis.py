@@ -1,0 +1,115 @@
+"""The diagnosis on robots whose fault is known: simulated ones, and a real TX-40."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.diagnose import diagnose
+from identification.errors import InputError
+from testbench.effects import parse_injection
+from testbench.log import read_log
+from testbench.robot import load_robot
+from tests.diagnosed import simulated_runs
+from tests.small_arm import ARM
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    path = tmp_path_factory.mktemp("arm") / "arm.xml"
+    path.write_text(ARM)
+    return load_robot(path)
+
+
+def _diagnosis(arm, *effects, without=(), seed=3):
+    injections = [parse_injection(arm, text) for text in effects]
+    return diagnose(arm, simulated_runs(arm, injections, runs=3, seed=seed), without)
+
+
+def test_a_healthy_robot_gets_no_effect(arm):
+    found = _diagnosis(arm)
+    assert found.verdict in ("none", "parameters")
+    assert found.effects == ()
+
+
+def test_a_model_with_wrong_masses_needs_parameters_only(arm):
+    heavier = arm.parameters.copy().reshape(arm.joints, -1)
+    heavier[:, :10] *= 1.15
+    wrong = replace(arm, parameters=heavier.ravel())
+    found = diagnose(wrong, simulated_runs(arm, [], runs=3))
+    assert found.verdict == "parameters"
+    assert np.sum(found.gap.parameters) < 0.7 * np.sum(found.gap.nominal)
+
+
+@pytest.mark.parametrize(
+    ("text", "joint"),
+    [
+        ("stribeck_friction:shoulder:extra=1.2,velocity=0.2", 0),
+        ("transmission_ripple:elbow:amplitude=0.6,cycles=12", 1),
+        ("load_dependent_friction:shoulder:coefficient=0.12", 0),
+    ],
+)
+def test_the_effect_and_its_joint_are_named_and_the_gap_closes(arm, text, joint):
+    found = _diagnosis(arm, text)
+    assert found.verdict == "effect"
+    assert (found.effects[0].effect, found.effects[0].joint) == (text.split(":")[0], joint)
+    closed = found.gap.closed
+    assert closed is not None
+    assert closed > 0.8
+
+
+def test_what_re_identification_swallows_is_found_in_the_shift_of_the_parameters(arm):
+    found = _diagnosis(arm, "asymmetric_friction:elbow:offset=0.4,viscous_difference=0")
+    assert (found.effects[0].effect, found.effects[0].joint) == ("asymmetric_friction", 1)
+    assert found.effects[0].parameters["offset"].value == pytest.approx(0.4, rel=0.2)
+
+
+def test_an_effect_that_is_taken_out_of_the_catalogue_is_not_named(arm):
+    text = "transmission_ripple:elbow:amplitude=0.8,cycles=3"
+    found = _diagnosis(arm, text, without=("transmission_ripple", "external_contact"))
+    assert all(effect.effect != "transmission_ripple" for effect in found.effects)
+    assert found.where[0].joint == 1
+
+
+def test_truth_in_a_log_changes_nothing(arm):
+    runs = simulated_runs(arm, [parse_injection(arm, "stribeck_friction:shoulder:extra=1.2,velocity=0.2")])
+    blind = {name: replace(run, truth={}, truth_effects=[]) for name, run in runs.items()}
+    seen, unseen = diagnose(arm, runs), diagnose(arm, blind)
+    assert seen.sentence == unseen.sentence
+    assert np.array_equal(seen.parameters, unseen.parameters)
+
+
+def test_runs_that_are_too_short_are_refused(arm):
+    (name, run), *_ = simulated_runs(arm, [], runs=1).items()
+    short = replace(
+        run,
+        **{
+            field: getattr(run, field)[:200]
+            for field in (
+                "time",
+                "position",
+                "torque",
+                "torque_command",
+                "reference_position",
+                "reference_velocity",
+                "reference_acceleration",
+            )
+        },
+    )
+    with pytest.raises(InputError, match="at least .* samples"):
+        diagnose(arm, {name: short})
+
+
+def test_the_real_tx40_has_its_wrist_coupling_named_first(real_data):
+    folder = real_data / "tx40"
+    robot = load_robot(folder / "nominal.xml")
+    found = diagnose(robot, {name: read_log(folder / f"{name}.h5") for name in ("half_1", "half_2")})
+    first = found.effects[0]
+    assert (first.effect, first.joint, first.into) == ("joint_coupling", 4, 5)
+    # The values published for this robot: .609 N·m·s/rad and 2.108 N·m.
+    assert first.parameters["viscous"].value == pytest.approx(0.609, rel=0.1)
+    assert first.parameters["coulomb"].value == pytest.approx(2.108, rel=0.15)
+    design, fitted = found.final
+    residual = np.linalg.norm(fitted.held_out[1])
+    torque = np.linalg.norm(np.where(design.used[1], found.prepared.runs[1].torque, 0.0))
+    assert residual / torque < 0.105
