@@ -40,7 +40,7 @@ def documented(value: object) -> str:
     """A default as the tables write it."""
     if value is PydanticUndefined:
         return "required"
-    if value is None or value == {}:
+    if value is None or value in ({}, ()):
         return "none"
     if isinstance(value, tuple):
         return ", ".join(value)
