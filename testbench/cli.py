@@ -159,6 +159,9 @@ def identify(
     ] = None,
     cutoff: Annotated[float, Parameter(help="Hz, low-pass on torque and regressor")] = 20.0,
     dead_zone: Annotated[float, Parameter(help="rad/s; slower samples do not count")] = 0.02,
+    write_model: Annotated[
+        Path | None, Parameter(help="MJCF to write: the model as identified, physically consistent")
+    ] = None,
     seed: Annotated[
         int, Parameter(help="taken, as everywhere; nothing here is random", validator=_at_least(0, "--seed"))
     ] = 0,
@@ -177,7 +180,7 @@ def identify(
     groups = tuple(GROUPS) if parameters is None else tuple(parameters)
     preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
     options = IdentificationOptions(estimator, groups, preprocessing)
-    identify_logs(model, logs, validate or [], out, options)
+    identify_logs(model, logs, validate or [], out, options, write_model)
 
 
 @app.command

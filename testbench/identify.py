@@ -16,6 +16,7 @@ from .closed_loop import recorded_loops
 from .estimate_file import write_estimate
 from .files import require_writable
 from .log import Recording, check_joints, read_log
+from .model_file import write_model
 from .report import write_report
 from .results import IdentificationResult
 from .robot import Robot, load_robot
@@ -31,12 +32,15 @@ def identify_logs(
     validation_logs: Sequence[Path],
     out: Path,
     options: IdentificationOptions,
+    identified_model: Path | None = None,
 ) -> IdentificationResult:
     """Identify the logs, write DIR/estimate.json and DIR/report.html, print the summary.
 
-    Raises InputError.
+    identified_model: MJCF to write with the nearest physically consistent parameters. Raises InputError.
     """
     require_writable(out / "estimate.json")
+    if identified_model is not None:
+        require_writable(identified_model)
     robot = load_robot(model)
     fitted = [_read(path, robot, options) for path in logs]
     validated = [_read(path, robot, options) for path in validation_logs]
@@ -51,6 +55,12 @@ def identify_logs(
         raise error.located(", ".join(map(str, logs))) if error.source == "logs" else error from None
     write_estimate(result, out / "estimate.json")
     write_report(result, out / "report.html")
+    if identified_model is not None:
+        # The semidefinite programme's library takes seconds to load.
+        from identification.physical_consistency import consistent_standard_parameters
+
+        standard = consistent_standard_parameters(result.estimate, robot.parameters)
+        write_model(robot, standard, identified_model)
     print_summary(result)
     return result
 

@@ -8,8 +8,10 @@ import h5py
 import numpy as np
 import pytest
 
+from identification.base_parameters import base_parameters
 from testbench.cli import app, main
 from testbench.log import read_log
+from testbench.robot import load_robot
 
 from .small_arm import ARM, SCENARIO
 
@@ -29,7 +31,8 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Path:
         drive = ["--model", str(model), "--trajectory", str(motion), "--seed", str(seed)]
         main(["simulate", *drive, "--periods", "1", "--out", str(folder / name)])
     files = [str(folder / "fit.h5"), "--validate", str(folder / "check.h5")]
-    main(["identify", "--model", str(model), *files, "--out", str(folder / "found")])
+    written = ["--write-model", str(folder / "identified.xml")]
+    main(["identify", "--model", str(model), *files, "--out", str(folder / "found"), *written])
     return folder
 
 
@@ -96,6 +99,16 @@ def test_identify_leaves_the_estimate_of_the_contract(chain: Path) -> None:
     assert 1 < found["effective_samples"] < 10_000
 
 
+def test_the_identified_model_is_one_that_identifies_the_same(chain: Path) -> None:
+    given, written = (load_robot(chain / name) for name in ("arm.xml", "identified.xml"))
+    base = base_parameters(given.chain)
+    found = json.loads((chain / "found" / "estimate.json").read_text())["base_parameters"]
+    values = dict(zip(base.names, base.values(written.parameters), strict=True))
+    for row in found:
+        if row["name"] in values:
+            assert abs(values[row["name"]] - row["value"]) < 4 * row["std"] + 1e-9
+
+
 def test_the_chain_of_commands_finds_the_friction_of_the_model(chain: Path) -> None:
     found = json.loads((chain / "found" / "estimate.json").read_text())
     rows = {row["name"]: row for row in found["base_parameters"]}
@@ -114,6 +127,7 @@ def test_commands_leave_nothing_else_where_they_are_called(chain: Path) -> None:
         "check.h5",
         "fit.h5",
         "found",
+        "identified.xml",
         "scenario.yaml",
     ]
 
