@@ -33,8 +33,10 @@ class ClosedLoop(Protocol):
     motion that was logged, but for noise.
     """
 
-    def simulate(self, candidates: Array) -> list[tuple[SimulatedRun, ...]]:
+    def simulate(self, candidates: Array, coarse: bool = False) -> list[tuple[SimulatedRun, ...]]:
         """Every run for each candidate, standard parameters (C, 14 n), all as one batch.
+
+        coarse: good enough for the differences between candidates, and quicker.
 
         Raises InputError when a log holds no reference or controller, and for a loop that is unstable.
         """

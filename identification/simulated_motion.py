@@ -33,8 +33,10 @@ def require_torque_equations(problem: Problem, estimator: str) -> None:
         )
 
 
-def simulate_values(problem: Problem, candidates: Array) -> list[tuple[SimulatedRun, ...]]:
-    """Every run for each candidate, base values (C, b).
+def simulate_values(
+    problem: Problem, candidates: Array, coarse: bool = False
+) -> list[tuple[SimulatedRun, ...]]:
+    """Every run for each candidate, base values (C, b); ``coarse`` is quicker, for their differences.
 
     Raises InputError when the logs cannot be simulated.
     """
@@ -43,7 +45,7 @@ def simulate_values(problem: Problem, candidates: Array) -> list[tuple[Simulated
             "logs", "reference and controller", "both, for an estimator that simulates the robot", "none"
         )
     standard = [standard_candidate(problem.base, problem.nominal, values) for values in candidates]
-    return problem.closed_loop.simulate(np.array(standard))
+    return problem.closed_loop.simulate(np.array(standard), coarse)
 
 
 def simulated_equations(problem: Problem, runs: Sequence[SimulatedRun]) -> tuple[Observations, ...]:

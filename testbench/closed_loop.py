@@ -38,8 +38,8 @@ from .simulation.reference import Reference
 
 Array = NDArray[np.float64]
 
-# s, at most: half of what the candidates' accuracy of 1e-3 needs.
-PHYSICS_TIMESTEP = 1e-3
+# s, at most. Differences between candidates need less than the candidates themselves.
+PHYSICS_TIMESTEP, COARSE_TIMESTEP = 2.5e-4, 1e-3
 # Loops in one batch, which bounds the memory of their logs.
 LOOPS = 24
 # Time stamps that stray further from the grid than this share of a step are no grid.
@@ -57,13 +57,16 @@ class RecordedLoops:
     recordings: tuple[Recording, ...]
     threads: int | None = None
 
-    def simulate(self, candidates: Array) -> list[tuple[SimulatedRun, ...]]:
+    def simulate(self, candidates: Array, coarse: bool = False) -> list[tuple[SimulatedRun, ...]]:
         """Every recording's motion for each candidate, standard parameters (C, 14 n).
+
+        coarse: larger physics steps, for derivatives by differences.
 
         Raises InputError for a log without reference or controller gains, for one that is not sampled
         at the controller's ticks, and for candidates that MuJoCo cannot carry or that are unstable.
         """
-        loops = [self._loop(run, candidate) for candidate in candidates for run in self._runs]
+        largest = COARSE_TIMESTEP if coarse else PHYSICS_TIMESTEP
+        loops = [self._loop(run, candidate, largest) for candidate in candidates for run in self._runs]
         motions = []
         for start in range(0, len(loops), LOOPS):
             for output in run_loops(loops[start : start + LOOPS], self.threads):
@@ -81,11 +84,12 @@ class RecordedLoops:
         """The robot's moving masses, to be given a candidate's parameters."""
         return bare_model(self.robot.model)
 
-    def _loop(self, run: "_Run", candidate: Array) -> Loop:
-        """The closed loop of one run with a candidate in the plant."""
+    def _loop(self, run: "_Run", candidate: Array, largest: float) -> Loop:
+        """One run's closed loop with a candidate in the plant; physics steps of at most ``largest`` s."""
+        substeps = max(1, int(np.ceil(1 / (run.controller.rate * largest) - 1e-9)))
         n = self.robot.joints
         table = candidate.reshape(n, PER_JOINT)
-        plant = plant_model(self._plant, 1 / (run.controller.rate * run.substeps))
+        plant = plant_model(self._plant, 1 / (run.controller.rate * substeps))
         _set_inertia(plant, table)
         # A torque offset is a constant less of drive.
         forward = run.forward - table[:, OFFSET]
@@ -103,7 +107,7 @@ class RecordedLoops:
         constants[layout.TORQUE_LIMIT] = limit
         return Loop(
             plant=plant,
-            substeps=run.substeps,
+            substeps=substeps,
             rate=run.controller.rate,
             velocity_pole=run.velocity_pole,
             constants=constants,
@@ -136,7 +140,6 @@ class _Run:
     kp: Array
     kd: Array
     velocity_pole: float
-    substeps: int
 
 
 def _run(robot: Robot, recording: Recording) -> _Run:
@@ -159,9 +162,8 @@ def _run(robot: Robot, recording: Recording) -> _Run:
         still = np.zeros((2, robot.joints))
         standing = Reference(reference.position[:2], still, still)
         at_rest = feedforward(robot.chain, robot.parameters, standing, smoothing)[0]
-    substeps = max(1, int(np.ceil(1 / (rate * PHYSICS_TIMESTEP) - 1e-9)))
     pole = velocity_pole(options)
-    return _Run(reference, controller, forward, at_rest, controller.kp, controller.kd, pole, substeps)
+    return _Run(reference, controller, forward, at_rest, controller.kp, controller.kd, pole)
 
 
 def _reference(recording: Recording) -> Reference:

@@ -31,8 +31,8 @@ PRIOR, SMALLEST_PRIOR = 0.1, 0.01
 NARROWER, ATTEMPTS = 0.3, 3
 # The recording is filtered again from the parameters it gave, so that no linearisation is far off. Noise
 # levels of each pass, as shares of the signals' RMS: at least what the linearisation and integration err by.
-TORQUE_NOISE = (1e-1, 1e-2, 1e-3)
-POSITION_NOISE = (1e-4, 1e-5, 1e-6)
+TORQUE_NOISE = (1e-1, 1e-3)
+POSITION_NOISE = (1e-4, 1e-6)
 # Deviation of a pass's start, in deviations that the pass before came to.
 WIDENING = 5.0
 # Narrowest dead zone, rad/s (m/s), and longest step of the integration, s.

@@ -56,7 +56,8 @@ def _scale(problem: Problem) -> Array:
 def _linearised(problem: Problem, values: Array, steps: Array) -> Problem:
     """The problem q - q_sim(values) + J values = J beta, rows filtered and decimated like the equations."""
     candidates = values + np.vstack([np.zeros(len(values)), np.diag(steps)])
-    simulated = simulate_values(problem, candidates)
+    (exact,) = simulate_values(problem, values[None])
+    simulated = simulate_values(problem, candidates, coarse=True)
     runs = []
     for index, (run, motion) in enumerate(zip(problem.observations, problem.motions, strict=True)):
         rate = motion.sample_rate
@@ -71,13 +72,13 @@ def _linearised(problem: Problem, values: Array, steps: Array) -> Problem:
             ],
             axis=2,
         )
-        error = zero_phase_lowpass(motion.position - nominal, rate, cutoff)[kept]
+        error = zero_phase_lowpass(motion.position - exact[index].q, rate, cutoff)[kept]
         runs.append(
             Observations(
                 name=run.name,
                 time=np.arange(len(nominal))[kept] / rate,
-                q=nominal[kept],
-                dq=simulated[0][index].dq[kept],
+                q=exact[index].q[kept],
+                dq=exact[index].dq[kept],
                 regressor=jacobian,
                 torque=error + jacobian @ values,
                 used=np.ones(error.shape, dtype=bool),

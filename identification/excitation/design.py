@@ -194,6 +194,7 @@ def _repaired(
 def feasible_motions(
     chain: Chain, parameters: Array, limits: Limits, options: DesignOptions, clearance: Clearance | None
 ) -> FeasibleMotions:
+    """What draws motions within the share of the limits that the options allow. Raises InputError."""
     require_usable(chain, limits)
     basis = trajectory_basis(options.trajectory, options.base_frequency, options.harmonics)
     usable = share_of(limits, options.limit_share)

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 # Hadamard's own optimum lies beyond what is best for the determinant: it is left after so many iterations.
 FIRST_ITERATIONS = 15
+# Points tried on the way back to where the limits are kept.
+BACKWARD = 25
 
 
 def design_two_stage(
@@ -46,11 +48,24 @@ def design_two_stage(
     )
     best, motion = np.inf, None
     for generator in np.random.default_rng(options.seed).spawn(options.starts):
-        z = descend(first, first.variables(motions.draw(generator)), FIRST_ITERATIONS, _unreported)
+        start = first.variables(motions.draw(generator))
+        z = _kept(first, start, descend(first, start, FIRST_ITERATIONS, _unreported))
         value, found, _ = optimise(second, motions, first.coefficients(z), options.iterations, _unreported)
         if value < best:
             best, motion = value, found
     return motion, first.evaluations + second.evaluations
+
+
+def _kept(problem: DesignProblem, start: Array, z: Array) -> Array:
+    """The variables nearest to z on the way from the start, which keeps the limits, that keep them too.
+
+    The optimiser was stopped half-way, where it may have stepped over them.
+    """
+    for share in np.linspace(1.0, 0.0, BACKWARD, endpoint=False):
+        between = start + share * (z - start)
+        if problem.constraint_values(between).min() >= 0:
+            return between
+    return start
 
 
 def _unreported(iteration: int, value: float) -> None:

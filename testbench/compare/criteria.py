@@ -82,7 +82,7 @@ def run(case: Case) -> Row:
     return accuracy(found, known) | {
         "seconds": seconds,
         "evaluations": evaluations,
-        "relative_bound": float(np.median(known.bound / np.abs(known.truth))),
+        "relative_bound": known.relative(known.bound),
         "minus_hadamard": values.hadamard,
         "minus_logdet": values.logdet,
         "slack": values.slack,

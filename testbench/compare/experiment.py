@@ -51,6 +51,11 @@ class Experiment:
     bound: Array
     validation: Array
 
+    def relative(self, deviation: Array) -> float:
+        """Median of deviations (b,) over the true values, of those that are not zero."""
+        known = self.truth != 0
+        return float(np.median(deviation[known] / np.abs(self.truth[known])))
+
 
 @cache
 def robot_of(path: str) -> Robot:
@@ -120,7 +125,7 @@ def accuracy(found: Estimate, known: Experiment) -> Row:
         # Half of all normal errors are below 0.6745 deviations.
         over_bound = float(np.median(error / known.bound) / 0.6745)
     return {
-        "parameter_error": float(np.median(error / np.maximum(np.abs(known.truth), np.finfo(float).tiny))),
+        "parameter_error": known.relative(error),
         "over_bound": over_bound,
         "prediction_error": float(np.sqrt(np.mean(relative**2))),
         "inside": float(np.mean(error <= 2 * found.std)),

@@ -11,6 +11,7 @@ from ..report.figures import TEMPLATE
 from .case import Row
 
 COLOURS = qualitative.D3 + qualitative.Set2
+LOGARITHMIC = 3.0
 SYMBOLS = ("circle", "square", "diamond", "triangle-up", "x", "star")
 
 
@@ -49,8 +50,7 @@ def against_level(
                 marker_symbol=SYMBOLS[index % len(SYMBOLS)],
             )
     figure.update_xaxes(tickvals=list(range(len(levels))), ticktext=list(levels))
-    figure.update_yaxes(title=title, type="log", tickformat="~g", dtick="D2")
-    return _beside(figure)
+    return _beside(_scaled(figure, "y", title))
 
 
 def boxes(rows: Sequence[Row], choices: Sequence[str], metric: str, title: str) -> go.Figure:
@@ -63,8 +63,7 @@ def boxes(rows: Sequence[Row], choices: Sequence[str], metric: str, title: str) 
                 y=found, name=choice, boxpoints="all", jitter=0.4, pointpos=0, marker_size=4, line_width=1.2,
                 marker_color=_colour(index), showlegend=False,
             )  # fmt: skip
-    figure.update_yaxes(title=title, type="log", tickformat="~g", dtick="D2")
-    return figure
+    return _scaled(figure, "y", title)
 
 
 def time_against(
@@ -87,17 +86,24 @@ def time_against(
                     marker={"color": _colour(index), "size": 11, "symbol": SYMBOLS[place % len(SYMBOLS)]},
                     hovertemplate=f"{choice}, {level}<br>%{{x:.3g}} s, %{{y:.3g}}<extra></extra>",
                 )
-    figure.update_xaxes(title="processor time, s", type="log", tickformat="~g", dtick="D2")
-    figure.update_yaxes(title=title, type="log", tickformat="~g", dtick="D2")
-    return _beside(figure)
+    return _beside(_scaled(_scaled(figure, "x", "processor time, s"), "y", title))
 
 
 def bars(names: Sequence[str], values: Sequence[float], title: str) -> go.Figure:
     """One logarithmic bar a name, longest at the bottom."""
     figure = go.Figure(layout={"template": TEMPLATE, "height": 90 + 30 * len(names)})
     figure.add_bar(x=values, y=names, orientation="h", marker_color=COLOURS[0])
-    figure.update_xaxes(title=title, type="log", tickformat="~g", dtick="D2")
-    return figure.update_layout(margin_l=210)
+    return _scaled(figure, "x", title).update_layout(margin_l=210)
+
+
+def _scaled(figure: go.Figure, axis: str, title: str) -> go.Figure:
+    """A logarithmic axis where the values span a decade's half or more, else a linear one; both labelled."""
+    values = np.concatenate([np.asarray(trace[axis], dtype=float) for trace in figure.data] or [np.ones(1)])
+    wide = values.max() > LOGARITHMIC * values.min()
+    scale = {"type": "log", "dtick": "D2"} if wide else {"type": "linear"}
+    return figure.update_layout(
+        {f"{axis}axis": {"title": {"text": title}, "tickformat": "~g", "automargin": True, **scale}}
+    )
 
 
 def _colour(index: int) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
@@ -140,5 +141,5 @@ def _table(
 
 
 def _cell(rows: Sequence[Row], metric: str) -> str:
-    values = sorted(float(v) for row in rows if isinstance(v := row.get(metric), float | int))
-    return significant(values[len(values) // 2], 3) if values else "–"
+    values = [float(v) for row in rows if isinstance(v := row.get(metric), float | int)]
+    return significant(float(np.median(values)), 3) if values else "–"

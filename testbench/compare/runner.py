@@ -17,6 +17,9 @@ from identification.errors import InputError
 from ..files import replacing
 from .case import Case, Row, one_thread, run_case
 
+# How long a Dask scheduler may take to answer.
+PATIENCE = "10s"
+
 
 def run_cases(
     cases: Sequence[Case], folder: Path, jobs: int | None = None, scheduler: str | None = None
@@ -64,7 +67,7 @@ def _executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
     from distributed import Client
 
     try:
-        client = Client(scheduler, timeout="10s")
+        client = Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         expected = "the address of a Dask scheduler that answers"
         raise InputError("compare", "--scheduler", expected, f"{scheduler}: {error}") from None

@@ -70,7 +70,12 @@ def _against_ordinary(rows: Sequence[Row]) -> list[str]:
         }
         if better:
             told = ", ".join(f"{name} {ratio:.2g} times" for name, ratio in better.items())
-            lines.append(f"At {level} ordinary least squares is beaten by {told}.")
+            weighted = (
+                f" (by weighting alone, wls, {error['ols'] / error['wls']:.2g} times)"
+                if "wls" in error
+                else ""
+            )
+            lines.append(f"At {level} ordinary least squares is beaten by {told}{weighted}.")
     bound = medians([row for row in rows if row["level"] == rows[0]["level"]], "over_bound")
     reach = [f"{name} {value:.2f}" for name, value in bound.items() if value <= 1.5]
     if reach:
@@ -144,18 +149,18 @@ def _fewest_starts(rows: Sequence[Row], seconds: dict[str, float]) -> list[str]:
     told = ", ".join(f"{name} needs {count} ({time:.3g} s)" for name, (count, time) in spent.items())
     missing = [name for name in ("hadamard", "condition") if name in seconds and name not in spent]
     text = (
-        f"The best of {starts} starts by -log det has a median deviation of {100 * goal:.3g} %. To come within"
-        f" {100 * WITHIN:.0f} % of it, {told}"
+        f"The best of {starts} starts by -log det has a median deviation of {100 * goal:.3g} %."
+        f" To come within {100 * WITHIN:.0f} % of it, {told}"
     )
     if missing:
         text += f"; {' and '.join(missing)} never {'do' if len(missing) > 1 else 'does'}"
     best = min(spent, key=lambda name: spent[name][1])
-    rivals = [
-        f"{100 * spent[best][1] / (starts * seconds[name]):.2g} % of the {starts * seconds[name]:.0f} s of {starts}"
-        f" starts by {name}"
-        for name in criteria.DIFFERENCES
-        if name in seconds
-    ]
+    rivals = []
+    for name in criteria.DIFFERENCES:
+        if name in seconds:
+            whole = starts * seconds[name]
+            share = 100 * spent[best][1] / whole
+            rivals.append(f"{share:.2g} % of the {whole:.0f} s of {starts} starts by {name}")
     compared = f" {best} takes {' and '.join(rivals)}." if rivals else ""
     return [f"{text}.{compared}"]
 
