@@ -63,7 +63,7 @@ def boxes(rows: Sequence[Row], choices: Sequence[str], metric: str, title: str) 
                 y=found, name=choice, boxpoints="all", jitter=0.4, pointpos=0, marker_size=4, line_width=1.2,
                 marker_color=_colour(index), showlegend=False,
             )  # fmt: skip
-    return _scaled(figure, "y", title)
+    return _scaled(figure.update_xaxes(automargin=True, tickangle=20), "y", title)
 
 
 def time_against(
