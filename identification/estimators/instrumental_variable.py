@@ -6,7 +6,7 @@ is simulated with the current estimate, which the encoder noise in W has nothing
 
 The Durbin-Wu-Hausman test asks whether least squares would have done: the part of W that Z does not
 explain is added to the regression, and if it explains torque W is correlated with the errors
-(Janot, Vandanjon & Gautier 2016, "A Durbin-Wu-Hausman test for the identification of robots").
+(Janot, Vandanjon & Gautier 2016, "A revised Durbin-Wu-Hausman test for industrial robot identification").
 """
 
 from collections.abc import Sequence
