@@ -1,20 +1,19 @@
 """From logs to equations: every run filtered once, with what the given model says along it."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from identification.chain import Chain
 from identification.differentiation import differentiate
 from identification.errors import InputError
 from identification.models import POSITION_BAND, Preprocessing
-from identification.parameters import COULOMB, PER_JOINT
+from identification.parameters import PER_JOINT
 from identification.regressor import regressor
-from testbench.effects.signature import Logged
+from testbench.effects.logged import Logged, body_in_link
 from testbench.identify import motion
 from testbench.log import Recording
 from testbench.robot import Robot
@@ -119,6 +118,7 @@ def _run(robot: Robot, name: str, recording: Recording) -> Run:
     reach = 2 * round(REACH_PERIODS * rate / cutoff) + 1
     resting = maximum_filter1d(np.abs(signals.dq) <= DEAD_ZONE, reach, axis=0)
     same_grid = len(recording.time) == samples
+    body_rotation, body_origin = body_in_link(robot, robot.joints - 1)
     logged = Logged(
         chain=robot.chain,
         parameters=robot.parameters,
@@ -137,7 +137,8 @@ def _run(robot: Robot, name: str, recording: Recording) -> Run:
         reference_position=recording.reference_position if same_grid else None,
         reference_velocity=recording.reference_velocity if same_grid else None,
         reference_acceleration=recording.reference_acceleration if same_grid else None,
-        **_last_body(robot),
+        body_rotation=body_rotation,
+        body_origin=body_origin,
     )
     rows = regressor(robot.chain, signals.q, signals.dq, signals.ddq)
     filtered = np.zeros((len(kept), robot.joints, PER_JOINT * robot.joints))
@@ -158,18 +159,3 @@ def _run(robot: Robot, name: str, recording: Recording) -> Run:
         rows=filtered,
         used=~resting[kept],
     )
-
-
-def _last_body(robot: Robot) -> dict[str, Array]:
-    """The last moving body's frame in the last link's frame."""
-    return {"body_rotation": np.eye(3), "body_origin": np.zeros(3)}
-
-
-def friction_scale(chain: Chain, parameters: Array) -> Array:
-    """Coulomb friction of each joint by the model, (n,) N·m."""
-    return parameters.reshape(chain.joints, PER_JOINT)[:, COULOMB]
-
-
-def names_of(runs: Sequence[Run]) -> list[str]:
-    """The runs' names."""
-    return [run.name for run in runs]
