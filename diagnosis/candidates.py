@@ -13,6 +13,11 @@ from .preparation import Prepared
 
 Array = NDArray[np.float64]
 
+# An effect's name, its joint and the second joint of a pair.
+Place = tuple[str, int | None, int | None]
+# Something that happens in one run, and tells nothing of another.
+EVENT = "external_contact"
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -31,7 +36,12 @@ class Candidate:
         return self.member.count
 
     @property
-    def place(self) -> tuple[str, int | None, int | None]:
+    def is_event(self) -> bool:
+        """Whether it belongs to the runs it was seen in, and not to the robot."""
+        return self.family.effect == EVENT
+
+    @property
+    def place(self) -> Place:
         """Effect, joint and second joint."""
         return self.family.effect, self.family.joint, self.family.into
 

@@ -21,7 +21,7 @@ REACH_PERIODS = 2.5
 
 @dataclass(frozen=True)
 class DecimatingFilter:
-    """taps: (2 r + 1,), of unit sum. step: kept samples are this far apart, the first at r."""
+    """taps: (2 r + 1,), symmetric, of unit sum. step: kept samples are this far apart, the first at r."""
 
     taps: Array
     step: int
@@ -37,10 +37,10 @@ class DecimatingFilter:
 
     def __call__(self, columns: Array) -> Array:
         """Columns (N, ...) low-passed and decimated, (M, ...)."""
-        flat = np.ascontiguousarray(columns.reshape(len(columns), -1).T)
-        out = np.empty((flat.shape[0], len(self.kept(len(columns)))))
+        flat = columns.reshape(len(columns), -1)
+        out = np.empty((len(self.kept(len(columns))), flat.shape[1]))
         _convolve(flat, self.taps, self.step, out)
-        return np.ascontiguousarray(out.T).reshape(-1, *columns.shape[1:])
+        return out.reshape(-1, *columns.shape[1:])
 
 
 def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
@@ -50,17 +50,27 @@ def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
     impulse[4 * reach] = 1.0
     response = zero_phase_lowpass(impulse, sample_rate, cutoff)[:, 0]
     taps = response[3 * reach : 5 * reach + 1]
+    taps = (taps + taps[::-1]) / 2
     return DecimatingFilter(taps / taps.sum(), decimation_step(sample_rate, cutoff))
 
 
 # A sum of taps may be taken in any order that vectorises; compiled once, it is the same order every time.
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@njit(
+    "void(float64[:, :], float64[::1], int64, float64[:, ::1])",
+    cache=True,
+    nogil=True,
+    error_model="numpy",
+    fastmath={"contract", "reassoc"},
+)
 def _convolve(x, taps, step, out):  # type: ignore[no-untyped-def]
-    """out[c, m] = sum_k taps[k] x[c, m step + k]."""
-    for c in range(x.shape[0]):
-        for m in range(out.shape[1]):
-            window = x[c, m * step : m * step + taps.size]
+    """out[m, c] = sum_k taps[k] x[m step + k, c], a column at a time in a buffer of its own."""
+    column = np.empty(x.shape[0])
+    for c in range(x.shape[1]):
+        for t in range(x.shape[0]):
+            column[t] = x[t, c]
+        for m in range(out.shape[0]):
+            window = column[m * step : m * step + taps.size]
             total = 0.0
             for k in range(taps.size):
                 total += taps[k] * window[k]
-            out[c, m] = total
+            out[m, c] = total

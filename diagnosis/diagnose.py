@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .attribution import Accepted, Attribution, attribute, standard_values
+from .attribution import CONFUSABLE, Accepted, Attribution, attribute, standard_values
 from .evidence import Design
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate
 from .localisation import where
@@ -21,8 +21,6 @@ Array = NDArray[np.float64]
 PARAMETERS_SHARE = 0.12
 # ... and the error of the model as given is at least this share of the joint's torque.
 PARAMETERS_TORQUE = 0.01
-# A rival this probable is named beside the effect.
-CONFUSABLE = 0.1
 
 
 def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
@@ -34,7 +32,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     found = attribute(prepare(robot, recordings), without)
     prepared = found.prepared
     gap = _gap(found)
-    effects = tuple(_named(found, index) for index in range(len(found.accepted)))
+    effects = tuple(_named(found, index) for index, item in enumerate(found.accepted) if item.named)
     effects = tuple(sorted(effects, key=lambda e: -e.held_out_share))
     verdict = _verdict(found, gap)
     hypothesis, fitted = found.hypothesis, found.fitted
@@ -75,7 +73,7 @@ def _gap(found: Attribution) -> Gap:
 
 
 def _verdict(found: Attribution, gap: Gap) -> str:
-    if found.accepted:
+    if any(item.named for item in found.accepted):
         return "effect"
     if found.unknown:
         return "unknown"

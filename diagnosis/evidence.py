@@ -1,4 +1,4 @@
-"""Normal equations of a hypothesis, fold by fold and joint by joint, and what a candidate adds to them.
+"""Normal equations of a hypothesis, fold by fold and joint by joint, and its fit.
 
 Unknowns are the deviations of the standard parameters from the model's, held back by the prior of
 prior.py, a common timing error, and the coefficients of the effects taken in so far. Rows are
@@ -8,7 +8,6 @@ chi-squared for coloured residuals too.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +24,8 @@ Array = NDArray[np.float64]
 
 RIDGE = 1e-12
 WEIGHT_PASSES = 3
+# Misfit can be coloured without end; a joint must not lose its say altogether over it.
+LARGEST_INFLATION = 10.0
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,8 @@ class Fit:
 
     values: (p,). covariance: (p, p). weights: (n,) one over the long-run residual variance.
     objective: weighted squared residual plus prior. prior_scale: variance scale of the prior.
-    residual: a run, (M, n) N·m, zero where unused. held_out: likewise, each fold predicted from the others.
+    residual: a run, (M, n) N·m, zero where unused. held_out: likewise, each fold predicted from the others
+    but for events, which are taken off as they were.
     """
 
     values: Array
@@ -131,19 +133,25 @@ def fit(prepared: Prepared, hypothesis: Design) -> Fit:
         values = _values(normal, hypothesis, weights, prior_scale, lower, upper)
         residual = _residual(hypothesis, values)
         variance, inflation = variance_inflation(residual, hypothesis.used)
-        weights = 1 / np.maximum(variance * inflation, 1e-30)
+        weights = 1 / np.maximum(variance * np.minimum(inflation, LARGEST_INFLATION), 1e-30)
         distance = float(values**2 @ hypothesis.precision)
         prior_scale = 1.0 + distance / count
     information = np.einsum("j,fjab->ab", weights, normal.xx)
     information[np.diag_indices_from(information)] += hypothesis.precision / prior_scale + RIDGE
     values = _values(normal, hypothesis, weights, prior_scale, lower, upper)
     residual = _residual(hypothesis, values)
+    events = np.concatenate(
+        [np.zeros(hypothesis.parameters, bool), *(np.full(c.count, c.is_event) for c in hypothesis.accepted)]
+    )
     distance = float(values**2 @ hypothesis.precision) / prior_scale
     held_out = [np.zeros_like(gap) for gap in hypothesis.gap]
     for fold, (run, part) in enumerate(prepared.folds):
         rest = [other for other in range(len(prepared.folds)) if other != fold]
         apart = _values(normal, hypothesis, weights, prior_scale, lower, upper, rest)
-        held_out[run][part] = _residual(hypothesis, apart)[run][part]
+        # No other run foretells an event: it is told apart from what the model predicts, not predicted.
+        apart[events] = values[events]
+        left = hypothesis.gap[run][part] - hypothesis.columns[run][part] @ apart
+        held_out[run][part] = np.where(hypothesis.used[run][part], left, 0.0)
     return Fit(
         values=values,
         covariance=np.linalg.pinv(information, hermitian=True),
@@ -154,6 +162,22 @@ def fit(prepared: Prepared, hypothesis: Design) -> Fit:
         held_out=tuple(held_out),
         bounds=(lower, upper),
     )
+
+
+def fitted_to(prepared: Prepared, accepted: Sequence[Candidate]) -> tuple[Design, Fit]:
+    """The hypothesis that these effects act, and its fit."""
+    hypothesis = design(prepared, accepted)
+    return hypothesis, fit(prepared, hypothesis)
+
+
+def squares(residual: Sequence[Array]) -> Array:
+    """Sum of squares of each joint over all runs (M, n), (n,)."""
+    return np.sum([np.sum(run**2, axis=0) for run in residual], axis=0)
+
+
+def prior_distance(hypothesis: Design, fitted: Fit) -> float:
+    """Squared distance of a fit's parameters from the model's, in units of the prior."""
+    return float(fitted.values**2 @ hypothesis.precision)
 
 
 def _bounds(hypothesis: Design) -> tuple[Array, Array]:
@@ -192,129 +216,3 @@ def _residual(hypothesis: Design, values: Array) -> tuple[Array, ...]:
         np.where(used, gap - columns @ values, 0.0)
         for columns, gap, used in zip(hypothesis.columns, hypothesis.gap, hypothesis.used, strict=True)
     )
-
-
-@dataclass(frozen=True)
-class Gain:
-    """What a candidate adds to a fitted hypothesis.
-
-    objective: drop of the objective, chi-squared units. held_out: (n,) drop of the held-out squared
-    residual of each joint, N²·m². coefficients: (k,). overlap: the largest share of any of the
-    candidate's directions that the hypothesis already spans.
-    """
-
-    candidate: Candidate
-    objective: float
-    held_out: Array
-    coefficients: Array
-    overlap: float
-
-
-class Stage:
-    """A fitted hypothesis, ready to weigh candidates one by one by the Schur complement."""
-
-    def __init__(self, prepared: Prepared, hypothesis: Design, fitted: Fit):
-        n = prepared.joints
-        self.prepared, self.hypothesis, self.fitted = prepared, hypothesis, fitted
-        self.weights = fitted.weights
-        self.used = [
-            [np.flatnonzero(hypothesis.used[run][part, j]) + part.start for j in range(n)]
-            for run, part in prepared.folds
-        ]
-        self.x = self._rows(hypothesis.columns)
-        residual = self._rows(fitted.residual)
-        self.residual, self.held = residual, self._rows(fitted.held_out)
-        own = [sum(self.weights[j] * x.T @ x for j, x in enumerate(fold)) for fold in self.x]
-        total = sum(own) + np.diag(hypothesis.precision / fitted.prior_scale)
-        self.whole = _Inverse(total)
-        self.apart = [_Inverse(total - part) for part in own]
-        # At the minimum over all folds, the other folds' gradient is minus this fold's own.
-        self.shift = [
-            apart.times(-sum(self.weights[j] * x.T @ residual[f][j] for j, x in enumerate(self.x[f])))
-            for f, apart in enumerate(self.apart)
-        ]
-        self.held_squares = sum(np.array([float(np.sum(part**2)) for part in fold]) for fold in self.held)
-        self.counts = sum(np.array([len(part) for part in fold]) for fold in self.held)
-
-    @cached_property
-    def effective_samples(self) -> Array:
-        """Independent samples a joint that a misfit of this colour holds, (n,)."""
-        _, inflation = variance_inflation(self.fitted.residual, self.hypothesis.used)
-        return self.counts / inflation
-
-    def _rows(self, runs: Sequence[Array]) -> list[list[Array]]:
-        """Used rows of each fold and joint."""
-        return [
-            [runs[run][index, j] for j, index in enumerate(self.used[f])]
-            for f, (run, _) in enumerate(self.prepared.folds)
-        ]
-
-    def gain(self, candidate: Candidate) -> Gain | None:
-        """What the candidate adds; None where its columns are zero on these runs."""
-        weights, reached = self.weights, sorted(candidate.member.rows)
-        z = [
-            {j: candidate.columns[run][self.used[f][j], j] for j in reached}
-            for f, (run, _) in enumerate(self.prepared.folds)
-        ]
-        folds = range(len(z))
-        zz = [sum(weights[j] * z[f][j].T @ z[f][j] for j in reached) for f in folds]
-        zx = [sum(weights[j] * z[f][j].T @ self.x[f][j] for j in reached) for f in folds]
-        zr = [sum(weights[j] * z[f][j].T @ self.residual[f][j] for j in reached) for f in folds]
-        own, cross, right = sum(zz), sum(zx), sum(zr)
-        size = np.diag(own)
-        if np.any(size <= 0):
-            return None
-        lower, upper = candidate.member.lower, candidate.member.upper
-        schur = own - cross @ self.whole.times(cross.T)
-        remaining = np.linalg.eigvalsh(schur / np.sqrt(np.outer(size, size)))
-        # The hypothesis's own gradient vanishes at its minimum: Z'r alone drives the coefficients.
-        coefficients = _small(schur, right, lower, upper)
-        held_out = np.zeros(self.prepared.joints)
-        for f in folds:
-            rest, rest_cross = own - zz[f], cross - zx[f]
-            if np.any(np.diag(rest) <= 1e-9 * size):
-                continue
-            part = rest - rest_cross @ self.apart[f].times(rest_cross.T)
-            c = _small(part, right - zr[f] - rest_cross @ self.shift[f], lower, upper)
-            moved = -self.apart[f].times(rest_cross.T @ c)
-            for j in range(self.prepared.joints):
-                change = self.x[f][j] @ moved
-                if j in z[f]:
-                    change = change + z[f][j] @ c
-                held_out[j] += float(2 * change @ self.held[f][j] - change @ change)
-        return Gain(
-            candidate=candidate,
-            objective=float(2 * right @ coefficients - coefficients @ schur @ coefficients),
-            held_out=held_out,
-            coefficients=coefficients,
-            overlap=float(1 - remaining[0]),
-        )
-
-
-def _small(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
-    """As ``solve`` for a candidate's few coefficients, regularised against exact collinearity."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix / np.outer(scale, scale) + 1e-9 * np.eye(len(right))
-    free = np.linalg.solve(scaled, right / scale) / scale
-    if np.all(free >= lower) and np.all(free <= upper):
-        return free
-    root = np.linalg.cholesky(scaled + 1e-9 * np.eye(len(right)))
-    target = np.linalg.solve(root, right / scale)
-    bounded = lsq_linear(root.T, target, bounds=(lower * scale, upper * scale), method="bvls")
-    return bounded.x / scale
-
-
-class _Inverse:
-    """Products with the inverse of a symmetric positive definite matrix, scaled against its units."""
-
-    def __init__(self, matrix: Array):
-        diagonal = np.diag(matrix)
-        self.scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        scaled = matrix * np.outer(self.scale, self.scale)
-        scaled[np.diag_indices_from(scaled)] += RIDGE
-        self.factor = cho_factor(scaled, lower=True)
-
-    def times(self, right: Array) -> Array:
-        """Inverse times right, (p,) or (p, k)."""
-        scale = self.scale if right.ndim == 1 else self.scale[:, None]
-        return scale * cho_solve(self.factor, scale * right)

@@ -283,6 +283,68 @@ def page(
     write_effects_page(model, out, joint, jobs)
 
 
+blind = App(name="blind", help="Withheld effects: sealed cases, and how often the diagnosis finds them.")
+app.command(blind)
+
+BlindScenario = Annotated[Path, Parameter(help="blind scenario YAML")]
+ScenarioSeed = Annotated[
+    int | None, Parameter(help="instead of the scenario's", validator=_at_least(0, "--seed"))
+]
+Processes = Annotated[
+    int | None, Parameter(help="processes; all cores when not given", validator=_at_least(1, "--jobs"))
+]
+
+
+@blind.command(name="make")
+def blind_make(
+    scenario: BlindScenario,
+    /,
+    *,
+    out: Annotated[
+        Path, Parameter(help="folder for cases/, sealed/ and manifest.json; a second call resumes")
+    ],
+    seed: ScenarioSeed = None,
+    jobs: Processes = None,
+) -> None:
+    """Draw and simulate cases, and seal their answers."""
+    from diagnosis.blind.jobs import make
+
+    make(scenario, out, seed, jobs)
+
+
+@blind.command(name="score")
+def blind_score(
+    cases: Annotated[Path, Parameter(help="folder that blind make has written")],
+    /,
+    *,
+    diagnoses: Annotated[Path, Parameter(help="folder with case_0001/diagnosis.json and so on")],
+    out: Annotated[Path, Parameter(help="folder for score.json, cases.csv and report.html")],
+) -> None:
+    """Open the sealed answers and score the diagnoses."""
+    from diagnosis.blind.jobs import score
+
+    score(cases, diagnoses, out)
+
+
+@blind.command(name="study")
+def blind_study(
+    scenario: BlindScenario,
+    /,
+    *,
+    out: Annotated[Path, Parameter(help="folder for results and scores; a second call resumes")],
+    without: Annotated[
+        str | None, Parameter(help="effect to leave out of the catalogue; same: each single case's own")
+    ] = None,
+    keep_logs: Annotated[bool, Parameter(help="keep the cases, to diagnose them again", negative=())] = False,
+    seed: ScenarioSeed = None,
+    jobs: Processes = None,
+) -> None:
+    """Make, diagnose and score every case of a scenario; resumable, in parallel."""
+    from diagnosis.blind.study import study
+
+    study(scenario, out, seed, jobs, keep_logs, without)
+
+
 @app.command
 def view(directory: Annotated[Path, Parameter(help="folder that run has written")], /) -> None:
     """Open a recorded Rerun session."""

@@ -37,7 +37,7 @@ DESCRIPTION = EffectDescription(
     scope=Scope.JOINT,
     parameters=(
         EffectParameter("stiffness", "N·m/rad", 0.0, np.inf, (0.05, 0.5), "coulomb"),
-        EffectParameter("rest", "rad", -10.0, 10.0, (0.0, 0.5)),
+        EffectParameter("rest", "rad", -4.0, 4.0, (0.0, 0.5)),
     ),
     laws=("linear", "hysteretic"),
     confused_with=("gravity_spring", "asymmetric_friction", "base_tilt"),
@@ -79,7 +79,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
     """rest = -c_1 / c_0, with the first-order standard deviation."""
     stiffness = float(c[0])
-    spring = max(stiffness, float(np.finfo(float).tiny))
+    # A spring that is all offset rests too far away to be one, but not at infinity.
+    spring = max(stiffness, 1e-9 * abs(float(c[1])), 1e-30)
     rest = -float(c[1]) / spring
     gradient = np.array([-rest / spring, -1 / spring])
     std = np.sqrt(np.maximum([covariance[0, 0], gradient @ covariance @ gradient], 0.0))

@@ -1,0 +1,121 @@
+"""What is worth a name: significance alone would flag every healthy robot.
+
+An effect matters when it explains a fair part of some joint's error on runs left out and of its torque, or,
+where re-identification swallows it, when it spares the parameters a shift that CAD does not explain. It is
+named when it is also larger than what every healthy robot has.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.parameters import COULOMB, PER_JOINT, VISCOUS
+from testbench.effects import effect
+from testbench.effects.signature import Quantity
+from testbench.effects.size import typical_range
+from testbench.robot import Robot
+
+from .candidates import Candidate
+from .evidence import torque_rms
+from .likelihood import gained, gained_by_shift, gained_elsewhere
+from .weighing import Gain, Stage
+
+Array = NDArray[np.float64]
+
+# Share of a joint's held-out squared residual, and of its RMS torque, that an effect must explain ...
+SMALLEST_SHARE = 0.10
+SMALLEST_TORQUE = 0.006
+# ... or the log-likelihood of the parameters' shift that it must spare, where it is swallowed by them.
+SMALLEST_SHIFT = 7.5
+HIDDEN_OVERLAP = 0.9
+# What one joint's misfit can imitate is no effect of the whole robot.
+SMALLEST_ELSEWHERE = 7.5
+# Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
+# because its law is not quite the robot's is less.
+NAMED_SHARE = 0.05
+# What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
+# friction differs by direction, and torque and position are sampled up to two milliseconds apart.
+HEALTHY: Mapping[str, float] = {"asymmetric_friction": 2.0, "torque_delay": 12.0}
+HEALTHY_ELSE = 0.8
+# An effect's size is its first parameter, or the largest of these.
+SIZES: Mapping[str, tuple[str, ...]] = {
+    "asymmetric_friction": ("offset", "viscous_difference"),
+    "joint_coupling": ("viscous", "coulomb"),
+    "base_tilt": ("roll", "pitch"),
+}
+
+
+def is_material(stage: Stage, gain: Gain) -> bool:
+    """Whether a candidate explains enough to be taken in."""
+    family = gain.candidate.family
+    if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
+        return False
+    if gain.overlap > HIDDEN_OVERLAP and gained_by_shift(stage, gain) > SMALLEST_SHIFT:
+        return True
+    if family.swallowed and gain.overlap > HIDDEN_OVERLAP and gained(stage, gain) > SMALLEST_SHIFT:
+        return True
+    removed = np.sqrt(np.maximum(gain.held_out, 0) / np.maximum(stage.counts, 1))
+    enough = removed > SMALLEST_TORQUE * torque_rms(stage.prepared)
+    return bool(np.any((stage.shares(gain) > SMALLEST_SHARE) & enough))
+
+
+def is_main(first: Stage, stage: Stage, gain: Gain) -> bool:
+    """Whether it explains a fair part of what re-identification left, at the first stage, of some joint."""
+    shares = gain.held_out / np.maximum(first.held_squares, 1e-300)
+    if gain.candidate.family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
+        return True
+    return bool(np.any(shares > NAMED_SHARE))
+
+
+def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
+    """Whether an effect is larger than what a healthy robot has of it; arguments as of ``size``."""
+    healthy = HEALTHY.get(candidate.family.effect, HEALTHY_ELSE)
+    return size(robot, torque_scale, candidate, coefficients) > healthy
+
+
+def is_plausible(candidate: Candidate, coefficients: Array) -> bool:
+    """Whether the effect's parameters are within the bounds that the catalogue gives them."""
+    values = quantities(candidate, coefficients)
+    for parameter in effect(candidate.family.effect).DESCRIPTION.parameters:
+        if parameter.name in values:
+            value = np.asarray(values[parameter.name].value)
+            if np.any(value < parameter.lower) or np.any(value > parameter.upper):
+                return False
+    return True
+
+
+def quantities(candidate: Candidate, coefficients: Array) -> dict[str, Quantity]:
+    """An effect's parameters by name, without their deviations."""
+    count = candidate.count + len(candidate.family.refine)
+    return candidate.family.parameters(candidate.member, coefficients, np.zeros((count, count)))
+
+
+def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
+    """An effect's size as a multiple of the mild end of its typical range on this robot's joint.
+
+    torque_scale: (n,) N·m, a typical torque of each joint, for what has no scale of its own there.
+    """
+    family, description = candidate.family, effect(candidate.family.effect).DESCRIPTION
+    known = {parameter.name: parameter for parameter in description.parameters}
+    values = quantities(candidate, coefficients)
+    largest = 0.0
+    for name in SIZES.get(family.effect, (description.parameters[0].name,)):
+        mild, severe = typical_range(known[name], robot, family.joint)
+        if family.joint is not None and known[name].unit == "N·m":
+            mild = max(mild, SMALLEST_TORQUE * float(torque_scale[family.joint]))
+            severe = max(mild, severe)
+        value = float(np.max(np.abs(values[name].value)))
+        small, large = (value, mild) if severe >= mild else (mild, value)
+        largest = max(largest, small / large if large > 0 else np.inf)
+    return largest
+
+
+def with_friction(robot: Robot, parameters: Array) -> Robot:
+    """The robot with the larger of its model's friction and these standard parameters' (14 n,)."""
+    table = robot.parameters.reshape(-1, PER_JOINT).copy()
+    fitted = parameters.reshape(-1, PER_JOINT)
+    for column in (VISCOUS, COULOMB):
+        table[:, column] = np.maximum(table[:, column], fitted[:, column])
+    return replace(robot, parameters=table.ravel())
