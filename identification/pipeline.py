@@ -15,6 +15,7 @@ from .models import Preprocessing, observe
 from .parameters import DEFAULT_GROUPS
 from .problem import Problem
 from .signals import Motion
+from .statistics import EssentialParameters, ResidualTests, essential_parameters, residual_tests
 from .validation import torque_fit
 
 
@@ -27,6 +28,22 @@ class IdentificationOptions:
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
 
 
+@dataclass(frozen=True)
+class Identification:
+    """An estimate and how it stands up.
+
+    fits, validations: the torque that it predicts along the runs it was made from, and along the others.
+    residual_tests: of the torque residual of the runs it was made from. essential: the base parameters that
+    the equations fitted cannot do without.
+    """
+
+    estimate: Estimate
+    fits: tuple[TorqueFit, ...]
+    validations: tuple[TorqueFit, ...]
+    residual_tests: ResidualTests
+    essential: EssentialParameters
+
+
 def identify(
     chain: Chain,
     nominal: NDArray[np.float64],
@@ -34,8 +51,8 @@ def identify(
     validation_runs: Mapping[str, Motion],
     options: IdentificationOptions,
     closed_loop: ClosedLoop | None = None,
-) -> tuple[Estimate, tuple[TorqueFit, ...], tuple[TorqueFit, ...]]:
-    """The estimate, how it fits the runs it was made from, and how it predicts the others.
+) -> Identification:
+    """The estimate of the named runs, how it fits them and how it predicts the others.
 
     nominal: (14 n,) standard parameters of the model as given. Runs by name. closed_loop: simulates
     ``runs``, in their order, for the estimators that need it. Raises InputError for
@@ -47,15 +64,17 @@ def identify(
     motions = tuple(runs.values())
     problem = Problem(chain, base, tuple(fitted), motions, options.preprocessing, nominal, closed_loop)
     found = estimate(problem, options.estimator)
+    essential = essential_parameters(problem, found)
     # Whatever equations it was found by, an estimate is judged by the torque it predicts.
     torques = replace(options.preprocessing, model="inverse_dynamic")
     if options.preprocessing.model != torques.model:
         fitted = [observe(chain, base, motion, torques, name) for name, motion in runs.items()]
-        std, _ = replace(problem, observations=tuple(fitted)).residual_std(found.values)
+        problem = replace(problem, observations=tuple(fitted))
+        std, _ = problem.residual_std(found.values)
         found = replace(found, noise_std=std)
     fits = tuple(torque_fit(found, run) for run in fitted)
     validations = tuple(
         torque_fit(found, observe(chain, base, motion, torques, name))
         for name, motion in validation_runs.items()
     )
-    return found, fits, validations
+    return Identification(found, fits, validations, residual_tests(problem, found), essential)

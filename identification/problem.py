@@ -119,6 +119,11 @@ class Problem:
         variance, inflation = variance_inflation(residuals, [run.used for run in self.observations])
         return np.sqrt(variance), inflation
 
+    def independent_samples(self, values: Array) -> Array:
+        """Effective sample size of each equation's residual at ``values``, (e,): used rows over inflation."""
+        _, inflation = self.residual_std(values)
+        return np.bincount(self.stacked[2], minlength=self.equations) / inflation
+
     def residual_weights(self, values: Array) -> Array:
         """1 / residual deviation of each equation at ``values``, (e,), widened by its inflation."""
         std, inflation = self.residual_std(values)
@@ -136,7 +141,6 @@ class Problem:
         rows, _, joint = self.stacked
         condition = self.condition_number
         std, inflation = self.residual_std(values)
-        counts = np.bincount(joint, minlength=self.equations).astype(float)
         norms = np.linalg.norm(rows * weights[joint][:, None], axis=0)
         scaled = rows / norms
         bread = np.zeros((self.base.count, self.base.count))
@@ -156,6 +160,6 @@ class Problem:
             covariance=0.5 * (covariance + covariance.T),
             noise_std=std,
             condition_number=condition,
-            effective_samples=float(np.sum(counts / inflation)),
+            effective_samples=float(np.sum(self.independent_samples(values))),
             estimator=estimator,
         )

@@ -17,6 +17,8 @@ from .problem import Problem
 
 Array = NDArray[np.float64]
 
+# A p-value below this is an objection.
+SIGNIFICANCE = 0.05
 # Lags of the whiteness test.
 LAGS = 10
 # Cut-off periods in a lag: by then the low-pass leaves white noise an autocorrelation below 0.02.
@@ -42,14 +44,14 @@ class EssentialParameters:
 
 
 def essential_parameters(
-    problem: Problem, estimate: Estimate, significance: float = 0.05
+    problem: Problem, estimate: Estimate, significance: float = SIGNIFICANCE
 ) -> EssentialParameters:
     """Drop the base parameter of largest %sigma, fit the rest anew, and so on until an F test objects.
 
     Pham, Gautier & Poignet (2001), "Identification of joint stiffness with bandpass filtering", section
     on essential parameters. The test is of everything dropped so far against the full fit,
     F = ((S_k - S_b) / (b - k)) / (S_b / (N - b)), with N the effective samples and S the sum of squares
-    in units of each joint's own deviation at ``estimate``.
+    in units of each equation's own deviation at ``estimate``.
     """
     weights = problem.residual_weights(estimate.values)
     rows, torque, joint = problem.stacked
@@ -60,7 +62,7 @@ def essential_parameters(
     count = problem.base.count
     matrix, target = upper[:count, :count], upper[:count, -1]
     full = float(upper[-1, -1] ** 2)
-    freedom = max(1.0, estimate.effective_samples - count)
+    freedom = max(1.0, float(np.sum(problem.independent_samples(estimate.values))) - count)
     variance = full / freedom
     kept, dropped, p_value = list(range(count)), [], 1.0
     values, std = _fit(matrix, target, kept, variance)
@@ -113,12 +115,14 @@ def residual_tests(problem: Problem, estimate: Estimate) -> ResidualTests:
     Pearson 1973) is tested on samples so far apart that they are independent.
     """
     _, inflation = problem.residual_std(estimate.values)
-    counts = np.bincount(problem.stacked[2], minlength=problem.equations)
     whiteness, normality, first = (np.full(problem.equations, np.nan) for _ in range(3))
     for equation in range(problem.equations):
         residuals = [run.residual(estimate.values)[:, equation] for run in problem.observations]
         used = [run.used[:, equation] for run in problem.observations]
-        steps = [_lag(run, problem.preprocessing.cutoff) for run in problem.observations]
+        steps = [
+            _lag(run, problem.preprocessing.at(motion.sample_rate).cutoff)
+            for run, motion in zip(problem.observations, problem.motions, strict=True)
+        ]
         rho, pairs = _autocorrelation(
             [r[::step] for r, step in zip(residuals, steps, strict=True)],
             [u[::step] for u, step in zip(used, steps, strict=True)],
@@ -130,7 +134,7 @@ def residual_tests(problem: Problem, estimate: Estimate) -> ResidualTests:
         normality[equation] = _dagostino_pearson(
             np.concatenate([r[::apart][u[::apart]] for r, u in zip(residuals, used, strict=True)])
         )
-    return ResidualTests(whiteness, normality, first, counts / inflation)
+    return ResidualTests(whiteness, normality, first, problem.independent_samples(estimate.values))
 
 
 def _lag(run: Observations, cutoff: float) -> int:

@@ -1,7 +1,8 @@
 """Logged runs simulated again in MuJoCo, with candidate parameters in the plant.
 
 Reference, controller and sampling are those of the logs; the controller's feedforward stays that of
-the nominal model, as it was on the robot. Sensors are exact.
+the nominal model, as it was on the robot. Motions are returned exactly, but the controller reads the noise
+that the robot's encoders had: that shakes the arm, and may drive its torque to the limits.
 """
 
 from collections.abc import Sequence
@@ -16,6 +17,9 @@ from numpy.typing import NDArray
 from identification.chain import frame_with_z
 from identification.closed_loop import SimulatedRun
 from identification.errors import InputError
+from identification.filtering import zero_phase_lowpass
+from identification.measurement_noise import position_noise_std
+from identification.observations import POSITION_BAND, Preprocessing
 from identification.parameters import (
     ARMATURE,
     COULOMB,
@@ -25,6 +29,7 @@ from identification.parameters import (
     VISCOUS,
     pseudo_inertia,
 )
+from identification.signals import Motion
 
 from .log import Controller, Recording
 from .robot import Robot
@@ -42,6 +47,10 @@ Array = NDArray[np.float64]
 PHYSICS_TIMESTEP, COARSE_TIMESTEP = 2.5e-4, 1e-3
 # Loops in one batch, which bounds the memory of their logs.
 LOOPS = 24
+# Hz: what a position has beyond is noise but for little motion, and all of it beyond this share of the rate.
+NOISE_BAND, WHITE_SHARE = 80.0, 0.25
+# Of what is beyond the band, at least this share must be noise to be taken for it.
+NOISE_SHARE = 0.5
 # Time stamps that stray further from the grid than this share of a step are no grid.
 GRID_TOLERANCE = 0.01
 
@@ -111,7 +120,7 @@ class RecordedLoops:
             rate=run.controller.rate,
             velocity_pole=run.velocity_pole,
             constants=constants,
-            inputs=np.stack([reference, run.reference.velocity, forward, np.zeros_like(reference)], axis=1),
+            inputs=np.stack([reference, run.reference.velocity, forward, run.noise], axis=1),
             pose=pose,
             hold=hold,
         )
@@ -130,13 +139,15 @@ def recorded_loops(
 class _Run:
     """What the loops of one recording share.
 
-    forward: (N, n) feedforward; at_rest: (n,) its value before the motion. kp, kd: (n,).
+    forward: (N, n) feedforward; at_rest: (n,) its value before the motion. noise: (N, n) rad (m), of the
+    encoders. kp, kd: (n,).
     """
 
     reference: Reference
     controller: Controller
     forward: Array
     at_rest: Array
+    noise: Array
     kp: Array
     kd: Array
     velocity_pole: float
@@ -163,7 +174,23 @@ def _run(robot: Robot, recording: Recording) -> _Run:
         standing = Reference(reference.position[:2], still, still)
         at_rest = feedforward(robot.chain, robot.parameters, standing, smoothing)[0]
     pole = velocity_pole(options)
-    return _Run(reference, controller, forward, at_rest, controller.kp, controller.kd, pole)
+    noise = _encoder_noise(recording, rate)
+    return _Run(reference, controller, forward, at_rest, noise, controller.kp, controller.kd, pole)
+
+
+def _encoder_noise(recording: Recording, rate: float) -> Array:
+    """What the encoders' noise was beyond the band of the motion, (N, n) rad (m); 0 for quiet encoders.
+
+    White noise has as much in every hertz: where a joint has far more just beyond the band, that is motion.
+    """
+    white_from = WHITE_SHARE * rate
+    band = min(NOISE_BAND, white_from)
+    motion = Motion(recording.position, recording.torque, rate)
+    white, beyond = (
+        position_noise_std(motion, Preprocessing(cutoff / POSITION_BAND)) for cutoff in (white_from, band)
+    )
+    noise = recording.position - zero_phase_lowpass(recording.position, rate, band)
+    return np.where(white**2 > NOISE_SHARE * beyond**2, noise, 0.0)
 
 
 def _reference(recording: Recording) -> Reference:

@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+from scipy.optimize import lsq_linear, minimize_scalar
 
 from identification.base_parameters import base_parameters
 from identification.excitation.design import DesignOptions, random_excitation
@@ -15,7 +17,7 @@ from identification.regressor import regressor
 from .effects import effect, effects, injection
 from .effects.base import Injection, Scope
 from .effects.logged import Logged, logged_run
-from .effects.signature import Family
+from .effects.signature import Family, Member
 from .robot import Robot
 from .simulation import SimulationOptions, sample_reference, simulate
 
@@ -25,10 +27,15 @@ Array = NDArray[np.float64]
 EXCITATION = DesignOptions(harmonics=12, base_frequency=0.1, limit_share=0.9, seed=3)
 PERIODS, RATE, CUTOFF = 1, 1000.0, 20.0
 PHYSICS_TIMESTEP = 2e-4
-# Samples slower than this on the shown joint do not count: there the model's own friction jumps.
-DEAD_ZONE = 0.05
+# The position keeps twice the band of the equations, so that its filter leaves that band flat.
+POSITION_BAND = 2.0
+# A joint slower than this (rad/s) does not count, nor within half a period of the cut-off before and after:
+# there its own friction jumps.
+DEAD_ZONE, REACH_PERIODS = 0.02, 0.5
 # A saturation that no torque reaches shows nothing: the limit as a share of the largest torque.
 SATURATED_SHARE = 0.75
+# A signature that explains less on the grid of its shapes is none between them either.
+WORTH_REFINING = 0.1
 
 
 @dataclass(frozen=True)
@@ -68,10 +75,11 @@ def survey(robot: Robot, joint: int = 1, threads: int | None = None) -> dict[str
         SimulationOptions(physics_timestep=PHYSICS_TIMESTEP, effects=(each,)) for each in injected.values()
     ]
     recordings = simulate(robot, [reference] * len(options), options, threads=threads)
-    floor = logged_run(robot, healthy, robot.parameters, CUTOFF).residual
+    band = POSITION_BAND * CUTOFF
+    floor = logged_run(robot, healthy, robot.parameters, band).residual
     sightings = {}
     for (name, each), recording in zip(injected.items(), recordings, strict=True):
-        run = logged_run(robot, recording, robot.parameters, CUTOFF)
+        run = logged_run(robot, recording, robot.parameters, band)
         sightings[name] = _sighting(robot, each, joint, replace(run, tau=run.tau - floor))
     return sightings
 
@@ -87,7 +95,9 @@ def _typical(robot: Robot, name: str, joint: int, peak: float) -> Injection:
 def _sighting(robot: Robot, injected: Injection, joint: int, run: Logged) -> Sighting:
     """What the run shows, and how much of it each signature at the same place explains."""
     scale = np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 1.0)
-    used = _decimated(np.abs(run.dq), filtered=False) > DEAD_ZONE
+    reach = 2 * round(REACH_PERIODS * RATE / CUTOFF) + 1
+    resting = maximum_filter1d(np.abs(run.dq) <= DEAD_ZONE, reach, axis=0)
+    used = _decimated(np.where(resting, 0.0, 1.0), filtered=False)
     weights = used / scale
     columns = base_parameters(run.chain, tuple(GROUPS)).columns
     base = _weighted(regressor(run.chain, run.q, run.dq, run.ddq, columns), weights)
@@ -103,7 +113,7 @@ def _sighting(robot: Robot, injected: Injection, joint: int, run: Logged) -> Sig
     remaining = left.reshape(weights.shape) * scale
     # Base tilt is told by the joint that gravity does not load.
     shown = 0 if injected.effect == "base_tilt" else joint
-    moving = used[:, shown]
+    moving = used[:, shown] > 0
     return Sighting(
         injection=injected,
         shown=shown,
@@ -118,20 +128,38 @@ def _sighting(robot: Robot, injected: Injection, joint: int, run: Logged) -> Sig
 
 
 def _explained(family: Family, run: Logged, weights: Array, basis: Array, left: Array) -> float:
-    """Largest share of ``left`` that one member explains beside the base parameters."""
-    best = 0.0
-    for member in family.members:
+    """Largest share of ``left`` that one member, its coefficients in bounds, explains beside the parameters.
+
+    A family on one continuous shape is searched between the neighbours of the grid's best member too.
+    """
+
+    def share(member: Member) -> float:
         columns = np.zeros((*weights.shape, member.count))
         rows = list(member.rows)
         columns[:, rows] = _decimated(member.columns[0]) * weights[:, rows, None]
         flat = columns.reshape(-1, member.count)
         flat = flat - basis @ (basis.T @ flat)
         norms = np.linalg.norm(flat, axis=0)
-        flat = flat[:, norms > 0] / norms[norms > 0]
-        if flat.shape[1]:
-            found = np.linalg.lstsq(flat, left, rcond=1e-6)[0]
-            best = max(best, 1 - float(np.sum((left - flat @ found) ** 2) / np.sum(left**2)))
-    return best
+        seen = norms > 0
+        if not seen.any():
+            return 0.0
+        bounds = member.lower[seen] * norms[seen], member.upper[seen] * norms[seen]
+        found = lsq_linear(flat[:, seen] / norms[seen], left, bounds, method="bvls").cost
+        return 1 - 2 * float(found) / float(np.sum(left**2))
+
+    shares = [share(member) for member in family.members]
+    best = max(shares, default=0.0)
+    if family.member is None or len(family.refine) != 1 or best < WORTH_REFINING:
+        return best
+    ((name, _),) = family.refine.items()
+    grid = sorted(member.shape[name] for member in family.members)
+    near = grid.index(family.members[shares.index(best)].shape[name])
+    around = grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)]
+    make = family.member
+    refined = minimize_scalar(
+        lambda value: -share(make({name: value})), bounds=around, method="bounded", options={"maxiter": 16}
+    )
+    return max(best, -float(refined.fun))
 
 
 def _weighted(x: Array, weights: Array) -> Array:

@@ -30,7 +30,8 @@ how it acts in the simulated robot, how it shows along logged signals, and how i
 The pictures and figures are measured: the simulated {robot} has one effect of its typical size, on
 {joint} unless the effect is of the whole robot, and follows the standard excitation (a seeded Fourier
 series up to {highest:g} Hz, {seconds:g} s, no noise). The residual is the drive's torque less what the true
-model predicts along the measured motion, both low-passed at {cutoff:g} Hz, less the same of a healthy robot.
+model predicts along the measured motion, both low-passed at {cutoff:g} Hz, less the same of a healthy robot;
+samples of a joint near its reversals, where its friction jumps, are left out.
 *Survives* is what re-identified parameters leave of it (all joints, in shares of the torque limits).
 *Explained* is how much of the rest (of its mean square) the effect's own signature accounts for at the same
 place; *confused with* names the other effects whose signatures account for at least a tenth.

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.statistics import ResidualTests
+
 from .files import replacing
 from .findings import TorqueError, noise_ratio, parameter_rows, torque_error, torque_unit
 from .results import IdentificationResult
@@ -24,9 +26,10 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
     """What estimate.json holds, as plain JSON types.
 
     torque_rms and relative_residual are per joint, over all runs of a kind, empty where there are none;
-    percent_sigma in %; runs give each run's own torque RMS.
+    percent_sigma in %; runs give each run's own torque RMS. essential and the tests are null where the result
+    has none.
     """
-    estimate, comparison = result.estimate, result.comparison
+    estimate, comparison, tests = result.estimate, result.comparison, result.residual_tests
     fit, validation = torque_error(result.fits), torque_error(result.validations)
     return {
         "format": "identification-estimate",
@@ -43,8 +46,9 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
                 "unit": row.unit,
                 "percent_sigma": _number(row.percent_sigma),
                 "cramer_rao": _number(row.cramer_rao),
+                "essential": needed,
             }
-            for row in parameter_rows(result)
+            for row, needed in zip(parameter_rows(result), result.needed, strict=True)
         ],
         "torque_rms": {
             "fit": _per_joint(fit, "rms"),
@@ -65,11 +69,23 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
         "torque_over_noise_floor": _number(noise_ratio(result)),
         "condition_number": _number(estimate.condition_number),
         "effective_samples": _number(estimate.effective_samples),
+        "residual_tests": None if tests is None else _tests(tests),
+        "dropped_p_value": None if result.essential is None else _number(result.essential.p_value),
         "runs": [
             {"name": run.name, "role": role, "torque_rms": _numbers(run.rms)}
             for role, runs in (("fit", result.fits), ("validation", result.validations))
             for run in runs
         ],
+    }
+
+
+def _tests(tests: ResidualTests) -> dict[str, list[float | None]]:
+    """p-values and samples, one a joint."""
+    return {
+        "whiteness": _numbers(tests.whiteness),
+        "normality": _numbers(tests.normality),
+        "first_autocorrelation": _numbers(tests.first_autocorrelation),
+        "independent_samples": _numbers(tests.independent_samples),
     }
 
 

@@ -72,7 +72,7 @@ def identify_recordings(
     options: IdentificationOptions,
 ) -> IdentificationResult:
     """Identify recordings by name; the result has no comparison with a truth."""
-    estimate, fits, validations = identify(
+    found = identify(
         robot.chain,
         robot.parameters,
         {name: motion(recording) for name, recording in fitted.items()},
@@ -81,7 +81,14 @@ def identify_recordings(
         recorded_loops(robot, tuple(fitted.values())),
     )
     return IdentificationResult(
-        robot, estimate, fits, validations, tuple(fitted.values()), tuple(validated.values())
+        robot=robot,
+        estimate=found.estimate,
+        fits=found.fits,
+        validations=found.validations,
+        fit_recordings=tuple(fitted.values()),
+        validation_recordings=tuple(validated.values()),
+        residual_tests=found.residual_tests,
+        essential=found.essential,
     )
 
 

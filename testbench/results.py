@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimate import Estimate, TorqueFit
+from identification.statistics import EssentialParameters, ResidualTests
 
 from .log import Recording
 from .robot import Robot
@@ -34,7 +35,8 @@ class IdentificationResult:
 
     robot: the model it was made with. estimate: parameters. fits, validations: how it predicts
     each run, in the order of fit_recordings and validation_recordings. comparison: with the truth,
-    or None where it is unknown.
+    or None where it is unknown. residual_tests: of the torque residual of the fit runs. essential: the base
+    parameters that the data cannot do without. Both are None where the equations are not at hand.
     """
 
     robot: Robot
@@ -44,3 +46,13 @@ class IdentificationResult:
     fit_recordings: tuple[Recording, ...]
     validation_recordings: tuple[Recording, ...]
     comparison: Comparison | None = None
+    residual_tests: ResidualTests | None = None
+    essential: EssentialParameters | None = None
+
+    @property
+    def needed(self) -> tuple[bool | None, ...]:
+        """Whether each base parameter is essential; None where that is not known."""
+        count = self.estimate.base.count
+        if self.essential is None:
+            return (None,) * count
+        return tuple(index in self.essential.kept for index in range(count))

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.differentiation import differentiation_methods
 from identification.errors import InputError
@@ -217,6 +218,13 @@ def simulation_options(scenario: Scenario, robot: Robot) -> SimulationOptions:
     )
 
 
+def torque_noise_std(sensors: SensorOptions, robot: Robot) -> NDArray[np.float64]:
+    """Standard deviation (n,) of the torque sensors, N·m (N)."""
+    noise = np.broadcast_to(sensors.torque_noise, (robot.joints,))
+    # A joint without a torque limit has no noise to scale with it.
+    return noise * np.where(noise > 0, robot.limits.torque, 0.0)
+
+
 def _sensors(scenario: Scenario, robot: Robot) -> SensorOptions:
     noise = scenario.noise
     return SensorOptions(
@@ -244,13 +252,11 @@ def _identified(
     pole, correlation = 0.0, float(np.mean(np.asarray(sensors.torque_correlation_time, dtype=float)))
     if correlation > 0:
         pole = float(np.exp(-1 / (scenario.simulation.control_rate * correlation)))
-    noise = np.broadcast_to(sensors.torque_noise, (nominal.joints,))
     comparison = compare_with_truth(
         nominal.chain,
         result.estimate,
         tuple(fitted.values()),
-        # A joint without a torque limit has no noise to scale with it.
-        np.where(noise > 0, noise, 0.0) * np.where(noise > 0, nominal.limits.torque, 0.0),
+        torque_noise_std(sensors, nominal),
         pole,
         preprocessing,
     )

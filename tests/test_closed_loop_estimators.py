@@ -187,6 +187,16 @@ def test_the_true_candidate_moves_as_logged_on_any_number_of_threads(exact, smal
         assert np.array_equal(one[0].ddq, two[0].ddq)
 
 
+def test_the_simulated_controller_reads_the_noise_of_the_logged_encoders(small):
+    weak = replace(small, limits=replace(small.limits, torque=np.array([100.0, 45.0, 90.0])))
+    known = _known(weak, _motion(weak, 0.5), 30 * ENCODER)
+    # The noise drives the command to the limits, where its mean is not what it would be without.
+    assert (np.abs(known.recording.torque_command) >= weak.limits.torque).mean() > 0.05
+    ((moved,),) = known.problem.closed_loop.simulate(weak.parameters[None])
+    aside = np.sqrt(np.mean((moved.q - known.recording.truth["position"]) ** 2, axis=0))
+    assert np.all(aside < 0.5 * 30 * ENCODER)
+
+
 def test_an_offset_acts_like_a_constant_load(exact, small):
     shifted = small.parameters.copy()
     shifted[OFFSET] += 5.0

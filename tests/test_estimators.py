@@ -118,10 +118,11 @@ def test_energy_and_power_balance_return_the_truth(robot, model):
 def test_energy_and_power_estimates_are_judged_by_torque(small, model):
     options = IdentificationOptions("wls", preprocessing=Preprocessing(model=model))
     runs = {"a": _measured(_exact(small)), "b": _measured(_exact(small, seed=1))}
-    found, fits, validations = identify(small.chain, small.parameters, runs, {"c": runs["b"]}, options)
-    assert found.noise_std.shape == (small.joints,)
-    assert fits[0].measured.shape[1] == small.joints
-    assert validations[0].overall_relative < 0.02
+    found = identify(small.chain, small.parameters, runs, {"c": runs["b"]}, options)
+    assert found.estimate.noise_std.shape == (small.joints,)
+    assert found.residual_tests.whiteness.shape == (small.joints,)
+    assert found.fits[0].measured.shape[1] == small.joints
+    assert found.validations[0].overall_relative < 0.02
 
 
 def test_an_unknown_model_lists_the_valid_ones(small):

@@ -101,10 +101,10 @@ def test_filtering_regressor_and_torque_alike_adds_no_bias(robot):
     tau = regressor(robot.chain, q, dq, ddq) @ robot.parameters
     motion = Motion(q, tau, RATE)
     options = IdentificationOptions(preprocessing=Preprocessing(differentiation="butterworth_central"))
-    found, fits, _ = identify(robot.chain, robot.parameters, {"run": motion}, {}, options)
-    truth = found.base.values(robot.parameters)
-    assert np.abs(found.values - truth).max() < 2e-3 * np.abs(truth).max()
-    assert fits[0].overall_relative < 2e-3
+    found = identify(robot.chain, robot.parameters, {"run": motion}, {}, options)
+    truth = found.estimate.base.values(robot.parameters)
+    assert np.abs(found.estimate.values - truth).max() < 2e-3 * np.abs(truth).max()
+    assert found.fits[0].overall_relative < 2e-3
 
 
 def test_a_joint_that_rests_has_no_usable_friction_rows(robot):

@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 import pytest
 from rich.console import Console
 
+from identification.statistics import EssentialParameters, ResidualTests
 from testbench.estimate_file import write_estimate
 from testbench.findings import headline, noise_ratio, significant, torque_error
 from testbench.report import write_report
@@ -96,6 +97,43 @@ def test_parameter_table_quotes_estimate_and_truth(text: str, result: Identifica
     ):
         assert float(rows[name][3]) == pytest.approx(value, rel=1e-3)
         assert float(rows[name][6]) == pytest.approx(truth, rel=1e-3)
+
+
+@pytest.fixture
+def tested(result: IdentificationResult) -> IdentificationResult:
+    """The result with tests: one joint has too few samples, two parameters do not matter."""
+    unknown = np.array([0.3, 1e-5, np.nan])
+    kept = np.arange(2, result.estimate.base.count)
+    values = np.where(np.arange(result.estimate.base.count) < 2, 0.0, result.estimate.values)
+    return replace(
+        result,
+        residual_tests=ResidualTests(unknown, unknown[::-1], unknown / 2, np.array([120.0, 80.0, 4.0])),
+        essential=EssentialParameters(kept, values, result.estimate.std, (1, 0), 0.43),
+    )
+
+
+def test_page_and_file_say_what_the_residual_tests_found(
+    tested: IdentificationResult, tmp_path: Path
+) -> None:
+    page = render(tested, None, "today")
+    parameters = {row[0]: row[6] for row in Page(page).rows if len(row) == 11}
+    names = tested.estimate.base.names
+    assert [parameters[name] for name in names] == ["no", "no", *["yes"] * (len(names) - 2)]
+    assert "p = 0.43" in page
+    table = Page(page[page.index('id="residual-tests"') :]).rows
+    joints = {row[0]: row[1:] for row in table if len(row) == 5}
+    assert joints["turn"] == ["0.3", "–", "0.15", "120"]
+    assert joints["lift"] == ["1e-05", "1e-05", "5e-06", "80"]
+    assert page.count('<td class="bad">1e-05') == 2
+
+    write_estimate(tested, tmp_path / "estimate.json")
+    document = json.loads((tmp_path / "estimate.json").read_text())
+    assert document["residual_tests"]["whiteness"] == [0.3, 1e-5, None]
+    assert document["residual_tests"]["independent_samples"] == [120.0, 80.0, 4.0]
+    assert [row["essential"] for row in document["base_parameters"]] == [False, False] + [True] * (
+        len(names) - 2
+    )
+    assert document["dropped_p_value"] == 0.43
 
 
 def test_page_lists_the_excitation_and_where_everything_came_from(text: str) -> None:

@@ -64,6 +64,25 @@ def test_the_estimate_is_as_good_as_its_noise_allows(folder: Path, result: Ident
     assert [row["truth"] for row in found["base_parameters"]] == result.comparison.truth.tolist()
 
 
+def test_the_residual_is_tested_and_the_essential_parameters_told(
+    folder: Path, result: IdentificationResult
+) -> None:
+    found = json.loads((folder / "out" / "estimate.json").read_text())
+    tests = found["residual_tests"]
+    assert [len(values) for values in tests.values()] == [2, 2, 2, 2]
+    # The torque's noise is white and normal: an alarm at this level is one in a thousand.
+    assert min(*tests["whiteness"], *tests["normality"]) > 1e-3
+    assert sum(tests["independent_samples"]) == pytest.approx(found["effective_samples"], rel=1e-9)
+    essential = [row["essential"] for row in found["base_parameters"]]
+    sure = [row["percent_sigma"] < 15 for row in found["base_parameters"]]
+    assert all(kept for kept, known in zip(essential, sure, strict=True) if known)
+    assert found["dropped_p_value"] >= 0.05
+    for variant in ("energy", "loud"):
+        other = json.loads((folder / "out" / variant / "estimate.json").read_text())
+        assert len(other["residual_tests"]["whiteness"]) == 2
+    assert 'id="residual-tests"' in (folder / "out" / "report.html").read_text()
+
+
 def test_a_louder_sensor_gives_a_wider_estimate_of_the_same_motion(
     folder: Path, result: IdentificationResult
 ) -> None:

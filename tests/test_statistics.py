@@ -136,6 +136,15 @@ def test_dropping_keeps_its_promise_over_seeds(clean, robot):
     assert lost == 0
 
 
+def test_samples_are_counted_in_these_equations_whatever_the_estimator_counted(clean):
+    problem = _with_noise(clean, 2)
+    found = estimate(problem, "wls")
+    elsewhere = replace(found, effective_samples=1.0)
+    one, other = (essential_parameters(problem, each) for each in (found, elsewhere))
+    assert np.array_equal(one.kept, other.kept)
+    assert one.p_value == other.p_value
+
+
 def test_a_stricter_test_keeps_more(clean):
     problem = _with_noise(clean, 2)
     found = estimate(problem, "wls")

@@ -12,14 +12,13 @@ v having slope 1 and u curvature 1 at both ends, and nothing else there.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from .columns import orthonormal_combinations, with_constant
-from .fields import numbers, positive, rows
+from .columns import orthonormal_combinations
+from .linear import HarmonicTrajectory, LinearBasis
 
 Array = NDArray[np.float64]
 
@@ -28,115 +27,52 @@ SAMPLES_PER_PERIOD = 32
 
 
 @dataclass(frozen=True)
-class ModifiedFourierSeries:
+class ModifiedFourierSeries(HarmonicTrajectory):
     """A motion of n joints with N harmonics that starts and ends at ``start``; implements ``Trajectory``.
 
     base_frequency: Hz. start: (n,) rad (m). a, b: (n, N) rad/s (m/s), velocity amplitudes of the
     cosines and sines.
     """
 
-    base_frequency: float
+    kind: ClassVar[str] = "modified_fourier"
     start: Array
     a: Array
     b: Array
 
-    @property
-    def duration(self) -> float:
-        """The period, s."""
-        return 1.0 / self.base_frequency
-
-    @property
-    def joints(self) -> int:
-        """Number of joints."""
-        return len(self.start)
-
-    @property
-    def highest_frequency(self) -> float:
-        """Frequency of the last harmonic, Hz."""
-        return self.base_frequency * self.a.shape[1]
-
-    def evaluate(self, time: Array) -> tuple[Array, Array, Array]:
-        """q, dq, ddq at the times (N,) s: each (N, n), rad, rad/s, rad/s²."""
-        position, velocity, acceleration = _columns(self.base_frequency, self.a.shape[1], time)
-        coefficients = np.hstack([self.a, self.b]).T
-        return self.start + position @ coefficients, velocity @ coefficients, acceleration @ coefficients
-
-    def scaled(self, factor: float | Array) -> "ModifiedFourierSeries":
-        """The motion with its way from the start multiplied by a number or by (n,) numbers."""
-        row = np.broadcast_to(factor, (self.joints,))[:, None]
-        return ModifiedFourierSeries(self.base_frequency, self.start, row * self.a, row * self.b)
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-able, keys spelled out, SI units."""
-        return {
-            "type": "modified_fourier",
-            "base_frequency": self.base_frequency,
-            "start": self.start.tolist(),
-            "a": self.a.tolist(),
-            "b": self.b.tolist(),
-        }
-
-    @staticmethod
-    def from_dict(data: dict[str, Any]) -> "ModifiedFourierSeries":
-        """The inverse of ``to_dict``. Raises InputError for missing or misshapen values."""
-        frequency, start = positive(data, "base_frequency", "Hz"), numbers(data, "start", 1)
-        shape = (len(start), numbers(data, "a", 2).shape[1])
-        return ModifiedFourierSeries(frequency, start, rows(data, "a", shape), rows(data, "b", shape))
+    def columns(self, time: Array) -> tuple[Array, Array, Array]:
+        """Each (N, m): the factors of (a, b) in q - start, dq and ddq at the times (N,) s."""
+        return _columns(self.base_frequency, self.harmonics, time)
 
 
 @dataclass(frozen=True)
-class ModifiedFourierBasis:
+class ModifiedFourierBasis(LinearBasis):
     """The free coefficients of a modified Fourier series: the start and 2N more a joint.
 
     base_frequency: Hz. harmonics: N >= 1. The coefficients are combinations of (a, b) whose velocities
     are orthogonal.
     """
 
-    base_frequency: float
-    harmonics: int
+    fewest: ClassVar[int] = 1
 
-    def __post_init__(self) -> None:
-        if self.harmonics < 1:
-            raise InputError("excitation", "harmonics", "at least 1", self.harmonics)
-        if not 0 < self.base_frequency < np.inf:
-            raise InputError("excitation", "base_frequency", "a positive number of Hz", self.base_frequency)
+    @cached_property
+    def combinations(self) -> Array:
+        """(2N, 2N): (a, b) of each free coefficient."""
+        time = np.arange(SAMPLES_PER_PERIOD * self.harmonics) / (SAMPLES_PER_PERIOD * self.highest_frequency)
+        return orthonormal_combinations(self.columns(time)[1])
 
-    @property
-    def duration(self) -> float:
-        """The period, s."""
-        return 1.0 / self.base_frequency
-
-    @property
-    def highest_frequency(self) -> float:
-        """Frequency of the last harmonic, Hz."""
-        return self.base_frequency * self.harmonics
-
-    @property
-    def size(self) -> int:
-        """Free coefficients a joint, the start first: 2N + 1."""
-        return 2 * self.harmonics + 1
-
-    def matrices(self, time: Array) -> tuple[Array, Array, Array]:
-        """Each (N, size): q, dq and ddq of a joint at the times (N,) are these times its coefficients."""
-        columns = _columns(self.base_frequency, self.harmonics, time)
-        return with_constant(*(part @ self._combinations for part in columns))
+    def columns(self, time: Array) -> tuple[Array, Array, Array]:
+        """Each (N, 2N): the factors of (a, b) in q - start, dq and ddq at the times (N,) s."""
+        return _columns(self.base_frequency, self.harmonics, time)
 
     def trajectory(self, coefficients: Array) -> ModifiedFourierSeries:
         """The series of free coefficients (size, n): start rad (m), the others rad/s (m/s)."""
-        full = (self._combinations @ coefficients[1:]).T
+        full = (self.combinations @ coefficients[1:]).T
         a, b = full[:, : self.harmonics], full[:, self.harmonics :]
         return ModifiedFourierSeries(self.base_frequency, coefficients[0].copy(), a.copy(), b.copy())
 
     def free_coefficients(self, series: ModifiedFourierSeries) -> Array:
         """(size, n), the inverse of ``trajectory``."""
-        full = np.hstack([series.a, series.b]).T
-        return np.vstack([series.start, np.linalg.solve(self._combinations, full)])
-
-    @cached_property
-    def _combinations(self) -> Array:
-        """(2N, 2N): (a, b) of each free coefficient."""
-        time = np.arange(SAMPLES_PER_PERIOD * self.harmonics) / (SAMPLES_PER_PERIOD * self.highest_frequency)
-        return orthonormal_combinations(_columns(self.base_frequency, self.harmonics, time)[1])
+        return np.vstack([series.start, np.linalg.solve(self.combinations, series.coefficients)])
 
 
 def _columns(base_frequency: float, harmonics: int, time: Array) -> tuple[Array, Array, Array]:

@@ -9,14 +9,15 @@ for the identification of base inertial parameters of robots".
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .columns import orthonormal_combinations, with_constant
+from .columns import orthonormal_combinations
 from .fields import numbers, positive, rows
+from .linear import LinearBasis, LinearTrajectory
 
 Array = NDArray[np.float64]
 
@@ -37,35 +38,38 @@ HERMITE = np.array(
 
 
 @dataclass(frozen=True)
-class QuinticPath:
+class QuinticPath(LinearTrajectory):
     """A closed motion of n joints through M equally timed via points; implements ``Trajectory``.
 
     duration: s, of all M segments. position, velocity, acceleration: (M, n) rad, rad/s, rad/s² (m,
     m/s, m/s²) at the start of each segment; zero velocity and acceleration in the first row.
     """
 
+    kind: ClassVar[str] = "quintic"
     duration: float
     position: Array
     velocity: Array
     acceleration: Array
 
     @property
-    def joints(self) -> int:
-        """Number of joints."""
-        return self.position.shape[1]
+    def place(self) -> Array:
+        """(n,) rad (m), the start."""
+        return self.position[0]
+
+    @property
+    def coefficients(self) -> Array:
+        """(3M, n): positions from the start on, velocities, accelerations."""
+        # About the start, so that a joint that does not move stands still to the last bit.
+        return np.vstack([self.position - self.place, self.velocity, self.acceleration])
 
     @property
     def highest_frequency(self) -> float:
         """One cycle of acceleration a segment, Hz."""
         return len(self.position) / self.duration
 
-    def evaluate(self, time: Array) -> tuple[Array, Array, Array]:
-        """q, dq, ddq at the times (N,) s: each (N, n), rad, rad/s, rad/s²."""
-        # About the start, so that a joint that does not move stands still to the last bit.
-        start = self.position[0]
-        points = np.vstack([self.position - start, self.velocity, self.acceleration])
-        q, dq, ddq = (part @ points for part in _columns(self.duration, len(self.position), time))
-        return start + q, dq, ddq
+    def columns(self, time: Array) -> tuple[Array, Array, Array]:
+        """Each (N, 3M): the factors of the coefficients in q - place, dq and ddq at the times (N,) s."""
+        return _columns(self.duration, len(self.position), time)
 
     def scaled(self, factor: float | Array) -> "QuinticPath":
         """The motion with its way from the start multiplied by a number or by (n,) numbers."""
@@ -77,18 +81,8 @@ class QuinticPath:
             factor * self.acceleration,
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-able, keys spelled out, SI units."""
-        return {
-            "type": "quintic",
-            "duration": self.duration,
-            "position": self.position.tolist(),
-            "velocity": self.velocity.tolist(),
-            "acceleration": self.acceleration.tolist(),
-        }
-
-    @staticmethod
-    def from_dict(data: dict[str, Any]) -> "QuinticPath":
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Self:
         """The inverse of ``to_dict``. Raises InputError for missing, misshapen or moving-start values."""
         duration, position = positive(data, "duration", "s"), numbers(data, "position", 2)
         shape = (len(position), position.shape[1])
@@ -96,47 +90,35 @@ class QuinticPath:
         for key, values in zip(("velocity", "acceleration"), points[1:], strict=True):
             if np.any(values[0] != 0):
                 raise InputError("trajectory", key, "zeros in the first row", values[0].tolist())
-        return QuinticPath(duration, *points)
+        return cls(duration, *points)
 
 
 @dataclass(frozen=True)
-class QuinticBasis:
+class QuinticBasis(LinearBasis):
     """The free coefficients of a quintic path: the start and 3 for every other via point.
 
-    base_frequency: Hz, of the whole closed path. segments: M >= 2.
+    base_frequency: Hz, of the whole closed path. harmonics: its segments, M >= 2.
     """
 
-    base_frequency: float
-    segments: int
+    fewest: ClassVar[int] = 2
+    why: ClassVar[str] = " segments, to come back"
 
-    def __post_init__(self) -> None:
-        if self.segments < 2:
-            raise InputError("excitation", "harmonics", "at least 2 segments, to come back", self.segments)
-        if not 0 < self.base_frequency < np.inf:
-            raise InputError("excitation", "base_frequency", "a positive number of Hz", self.base_frequency)
+    @cached_property
+    def combinations(self) -> Array:
+        """(3M - 3, 3M - 3): position, velocity and acceleration of the via points, of each coefficient."""
+        count = SAMPLES_PER_SEGMENT * self.harmonics
+        return orthonormal_combinations(self.columns(np.arange(count) * self.duration / count)[1])
 
-    @property
-    def duration(self) -> float:
-        """The whole path, s."""
-        return 1.0 / self.base_frequency
-
-    @property
-    def highest_frequency(self) -> float:
-        """One cycle of acceleration a segment, Hz."""
-        return self.segments * self.base_frequency
-
-    @property
-    def size(self) -> int:
-        """Free coefficients a joint, the start first: 3M - 2."""
-        return 3 * self.segments - 2
-
-    def matrices(self, time: Array) -> tuple[Array, Array, Array]:
-        """Each (N, size): q, dq and ddq of a joint at the times (N,) are these times its coefficients."""
-        return with_constant(*(part @ self._combinations for part in self._moving_columns(time)))
+    def columns(self, time: Array) -> tuple[Array, Array, Array]:
+        """Each (N, 3M - 3): the factors of all via points but the first, in q - start, dq and ddq."""
+        every = np.arange(3 * self.harmonics)
+        moving = every[every % self.harmonics > 0]
+        position, velocity, acceleration = _columns(self.duration, self.harmonics, time)
+        return position[:, moving], velocity[:, moving], acceleration[:, moving]
 
     def trajectory(self, coefficients: Array) -> QuinticPath:
         """The path of free coefficients (size, n): start rad (m), the others rad/s (m/s)."""
-        moving = (self._combinations @ coefficients[1:]).reshape(3, self.segments - 1, -1)
+        moving = (self.combinations @ coefficients[1:]).reshape(3, self.harmonics - 1, -1)
         position, velocity, acceleration = (np.pad(part, ((1, 0), (0, 0))) for part in moving)
         return QuinticPath(self.duration, coefficients[0] + position, velocity, acceleration)
 
@@ -144,20 +126,7 @@ class QuinticBasis:
         """(size, n), the inverse of ``trajectory``."""
         start = path.position[0]
         moving = np.vstack([path.position[1:] - start, path.velocity[1:], path.acceleration[1:]])
-        return np.vstack([start, np.linalg.solve(self._combinations, moving)])
-
-    @cached_property
-    def _combinations(self) -> Array:
-        """(3M - 3, 3M - 3): position, velocity and acceleration of the via points, of each coefficient."""
-        count = SAMPLES_PER_SEGMENT * self.segments
-        return orthonormal_combinations(self._moving_columns(np.arange(count) * self.duration / count)[1])
-
-    def _moving_columns(self, time: Array) -> tuple[Array, Array, Array]:
-        """Each (N, 3M - 3): the factors of all via points but the first."""
-        every = np.arange(3 * self.segments)
-        moving = every[every % self.segments > 0]
-        position, velocity, acceleration = _columns(self.duration, self.segments, time)
-        return position[:, moving], velocity[:, moving], acceleration[:, moving]
+        return np.vstack([start, np.linalg.solve(self.combinations, moving)])
 
 
 def _columns(duration: float, segments: int, time: Array) -> tuple[Array, Array, Array]:

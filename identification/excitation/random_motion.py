@@ -85,13 +85,12 @@ class FeasibleMotions:
     def _largest_alone(self, coefficients: Array) -> Array:
         """Factors (n,) by which each joint's amplitude may grow before its own motion meets a limit."""
         q, dq, ddq = (matrix @ coefficients for matrix in self.basis.matrices(sampling_times(self.basis)))
-        centre, tiny = coefficients[0], np.finfo(float).tiny
-        limits = self.limits
+        centre, limits = coefficients[0], self.limits
         factors = [
-            (limits.upper - centre) / np.maximum((q - centre).max(axis=0), tiny),
-            (centre - limits.lower) / np.maximum((centre - q).max(axis=0), tiny),
-            limits.velocity / np.maximum(np.abs(dq).max(axis=0), tiny),
-            limits.acceleration / np.maximum(np.abs(ddq).max(axis=0), tiny),
+            _room(limits.upper - centre, (q - centre).max(axis=0)),
+            _room(centre - limits.lower, (centre - q).max(axis=0)),
+            _room(limits.velocity, np.abs(dq).max(axis=0)),
+            _room(limits.acceleration, np.abs(ddq).max(axis=0)),
         ]
         return RESERVE * np.min(factors, axis=0)
 
@@ -132,6 +131,12 @@ def resting_centres(
     raise InputError(
         "limits", f"clearance of {clearance.pairs[pair]}", expected, f"{clearance.required:.4g} m"
     )
+
+
+def _room(bound: Array, extent: Array) -> Array:
+    """bound / extent (n,), inf where the extent is no more than rounding."""
+    moving = extent > np.finfo(float).eps
+    return np.divide(bound, extent, out=np.full(bound.shape, np.inf), where=moving)
 
 
 def _scaled(coefficients: Array, factor: float | Array) -> Array:

@@ -24,7 +24,7 @@ from ..identify import motion
 from ..log import Recording
 from ..model_error import ModelError, nominal_parameters
 from ..robot import Robot, load_robot
-from ..run import simulation_options
+from ..run import simulation_options, torque_noise_std
 from ..scenario import Scenario
 from ..simulation import sample_reference, simulate
 from .case import Case, Row
@@ -97,8 +97,7 @@ def experiment(case: Case, fitted: Trajectory, validation: Trajectory) -> Experi
         nominal=nominal.parameters,
         closed_loop=recorded_loops(nominal, (recording,), threads=1),
     )
-    deviation = np.asarray(options.sensors.torque_noise) * robot.limits.torque
-    bound = cramer_rao(robot.chain, base, [recording], np.broadcast_to(deviation, robot.joints), 0.0)
+    bound = cramer_rao(robot.chain, base, [recording], torque_noise_std(options.sensors, robot), 0.0)
     instants = np.arange(0.0, validation.duration, 1 / VALIDATION_RATE)
     rows = regressor(robot.chain, *validation.evaluate(instants), base.columns, threads=1)
     return Experiment(problem, recording, base.values(robot.parameters), bound, rows)

@@ -7,8 +7,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.kinematics import kernel
-
 from ..robot import Robot
 from .action import (
     HALF_GAP,
@@ -24,6 +22,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .joint_elasticity import add_link_joint
+from .link_motion import gap_windup, link_row, loose_change
 from .mjcf_form import file_angle
 from .signature import Family, Logged, Member, Quantity, grid_family
 
@@ -42,7 +41,9 @@ DESCRIPTION = EffectDescription(
 )
 
 SOFT_CONTACT = 0.25
-GAPS = (0.0003, 0.0008, 0.0016, 0.003, 0.006)
+# s, of MuJoCo's limit at the ends of the gap: about as hard as the contact in simulation/transmission.py.
+LIMIT_TIME_CONSTANT = 0.004
+GAPS = (0.0004, 0.0008, 0.0014, 0.0023, 0.0037, 0.006)
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -63,54 +64,24 @@ def _play(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """The torque that the motor is spared while the link crosses the gap, and the push when it lands.
+    """The change of torque while the link crosses the gap and when it lands, at all joints.
 
-    The link follows the motor until the load changes sign, then flies freely across; landing is
-    inelastic. One column a gap, whose coefficient is 1 where the gap is right. The load is that of the
-    measured motion: the kick of a landing is in it, and a reference knows nothing of when it lands.
+    One column a gap, whose coefficient is 1 where the gap is right. The load is that of the measured
+    motion: the kick of a landing is in it, and a reference knows nothing of when it lands.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    inertia = [run.load_change(joint, np.array([[0.0, 0.0, 1.0]]))[:, joint] for run in runs]
+    rows = tuple(range(runs[0].joints))
+    links = [(link, gap_windup(link, 0.0)) for link in (link_row(run, joint) for run in runs)]
 
     def member(shape: Mapping[str, float]) -> Member:
-        columns = []
-        for run, own in zip(runs, inertia, strict=True):
-            column = np.empty(run.samples)
-            load = np.ascontiguousarray(run.load[:, joint])
-            _crossings(load, np.ascontiguousarray(own), shape["gap"], 1 / run.sample_rate, column)
-            columns.append(column[:, None, None])
-        return Member(dict(shape), (joint,), tuple(columns), np.zeros(1), np.full(1, 2.0))
+        columns = tuple(loose_change(link, shape["gap"], own)[:, :, None] for link, own in links)
+        return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, 2.0))
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
         std = float(np.sqrt(max(covariance[1, 1], 0.0))) if len(covariance) > 1 else 0.0
         return {"gap": Quantity(member.shape["gap"], std, "rad")}
 
     return grid_family(DESCRIPTION.name, joint, member, {"gap": GAPS}, parameters)
-
-
-@kernel
-def _crossings(load, inertia, gap, timestep, out):  # type: ignore[no-untyped-def]
-    """Transmitted torque less the load of a link that follows rigidly, (N,).
-
-    load: (N,) N·m. inertia: (N,) kg·m² of the link. The motor leads the link by x in [0, gap] from the
-    lower wall; in the air inertia·d²x/dt² = load.
-    """
-    rate = 0.0
-    place = gap if load[0] > 0.0 else 0.0
-    for t in range(load.size):
-        upper, lower = place >= gap and load[t] >= 0.0, place <= 0.0 and load[t] <= 0.0
-        if upper or lower:
-            place, rate = (gap if upper else 0.0), 0.0
-            out[t] = 0.0
-            continue
-        out[t] = -load[t]
-        rate += timestep * load[t] / inertia[t]
-        place += timestep * rate
-        if place >= gap or place <= 0.0:
-            # Landing: what the link has gained over the motor goes into the motor at once.
-            out[t] += inertia[t] * rate / timestep
-            place = gap if place >= gap else 0.0
-            rate = 0.0
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
@@ -123,6 +94,6 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     half = file_angle(spec, robot, joint, gap / 2)
     link.limited = mujoco.mjtLimited.mjLIMITED_TRUE
     link.range = [-half, half]
-    # As stiff as the step allows; MuJoCo asks for at least two steps.
-    link.solref_limit = [2 * spec.option.timestep, 1.0]
-    return ("contact at the ends of the gap is MuJoCo's soft limit, without the compliance of the teeth",)
+    # MuJoCo asks for at least two steps.
+    link.solref_limit = [max(LIMIT_TIME_CONSTANT, 2 * spec.option.timestep), 1.0]
+    return ("contact at the ends of the gap is MuJoCo's soft limit, critically damped",)

@@ -37,7 +37,7 @@ DESCRIPTION = EffectDescription(
     scope=Scope.JOINT,
     parameters=(
         EffectParameter("stiffness", "N·m/rad", 0.0, np.inf, (0.05, 0.5), "coulomb"),
-        EffectParameter("rest", "rad", -4.0, 4.0, (0.0, 0.5)),
+        EffectParameter("rest", "rad", -10.0, 10.0, (0.0, 0.5)),
     ),
     laws=("linear", "hysteretic"),
     confused_with=("gravity_spring", "asymmetric_friction", "base_tilt"),

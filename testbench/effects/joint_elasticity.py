@@ -1,13 +1,11 @@
 """Joint elasticity: motor and link apart, joined by a spring."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-
-from identification.filtering import central_difference
 
 from ..robot import Robot
 from .action import (
@@ -27,8 +25,9 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .link_motion import elastic_change, link_row, typical_inertia
 from .mjcf_form import joint_element
-from .signature import Family, Logged, Member, Quantity
+from .signature import Family, Logged, Member, Quantity, grid_family
 
 Array = NDArray[np.float64]
 
@@ -53,8 +52,12 @@ DESCRIPTION = EffectDescription(
 HARDENING_WINDUP = 4e-3
 # Share of the rotor's inertia that is put between the spring and the play of one joint in MJCF.
 BETWEEN = 0.01
-# rad/(N·m): a joint stiffer than its inverse is rigid.
-LEAST_COMPLIANCE = 1e-12
+# Hz, of the joint's whole inertia on the spring: steps of a third, which a refinement closes.
+FREQUENCIES = (4.5, 6.0, 8.0, 10.7, 14.2, 19.0)
+# Of the two springs that a member mixes, with that inertia.
+DAMPING_RATIOS = (0.02, 0.1)
+# A spring of which less shows is as good as rigid.
+LEAST_SHARE = 1e-9
 PER_JOINT_NUMERICS = ("velocity_limit", "acceleration_limit")
 
 
@@ -85,38 +88,51 @@ def _static_windup(bus, parameters, state, joint):  # type: ignore[no-untyped-de
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """First-order change of the load at q_link = q - w, w = c_0 load - c_1 d(load)/dt, at all joints.
+    """The change of torque where the link follows the logged motor through a spring, at all joints.
 
-    c_0 = 1 / stiffness, c_1 = damping / stiffness². Load and motion are ``Logged.smooth``: the windup is
-    differentiated twice, which noise would not survive.
+    One member a stiffness K. Its two coefficients mix a little and a well damped spring: with a sum of 1
+    they are a damping in between, and slow motion, which shows the windup alone, tells K over their sum.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    member = Member(
-        shape={},
-        rows=tuple(range(runs[0].joints)),
-        columns=tuple(_columns(run.smooth, joint) for run in runs),
-        lower=np.zeros(2),
-        upper=np.full(2, np.inf),
-    )
-    return Family(DESCRIPTION.name, joint, (member,), _parameters)
+    inertia = typical_inertia(runs[0], joint)
+    links = [link_row(run, joint) for run in runs]
+
+    def dampings(stiffness: float) -> Array:
+        return np.array([2 * ratio * np.sqrt(stiffness * inertia) for ratio in DAMPING_RATIOS])
+
+    def member(shape: Mapping[str, float]) -> Member:
+        stiffness = shape["stiffness"]
+        columns = tuple(
+            np.stack([elastic_change(link, stiffness, d) for d in dampings(stiffness)], axis=2)
+            for link in links
+        )
+        return Member(dict(shape), tuple(range(runs[0].joints)), columns, np.zeros(2), np.full(2, np.inf))
+
+    def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+        stiffness = member.shape["stiffness"]
+        return _parameters(stiffness, dampings(stiffness), c, covariance)
+
+    grid = {"stiffness": [(2 * np.pi * frequency) ** 2 * inertia for frequency in FREQUENCIES]}
+    return grid_family(DESCRIPTION.name, joint, member, grid, parameters)
 
 
-def _columns(run: Logged, joint: int) -> Array:
-    """(N, n, 2)."""
-    derivatives = [run.load[:, joint]]
-    for _ in range(3):
-        derivatives.append(central_difference(derivatives[-1], run.sample_rate))
-    windup = -run.load_change(joint, np.column_stack(derivatives[:3]))
-    rate = run.load_change(joint, np.column_stack(derivatives[1:]))
-    return np.stack([windup, rate], axis=2)
+def _parameters(shape: float, dampings: Array, c: Array, covariance: Array) -> dict[str, Quantity]:
+    """Stiffness and damping with first-order standard deviations.
 
-
-def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
-    """Stiffness and damping with first-order standard deviations."""
-    compliance = max(float(c[0]), LEAST_COMPLIANCE)
-    stiffness, damping = 1 / compliance, float(c[1]) / compliance**2
-    gradients = np.array([[-(stiffness**2), 0.0], [-2 * damping * stiffness, stiffness**2]])
-    std = np.sqrt(np.maximum(np.diag(gradients @ covariance[:2, :2] @ gradients.T), 0.0))
+    shape: N·m/rad. dampings: (2,) N·m·s/rad of the columns. covariance: of c and then, if refined, the shape.
+    """
+    share = max(float(c.sum()), LEAST_SHARE)
+    # Between a resonance, where reciprocals mix, and slow motion, where the dampings do.
+    mixed = float(np.exp(np.log(dampings) @ c / share))
+    stiffness, damping = shape / share, mixed / share
+    gradients = np.array(
+        [
+            [-stiffness / share, -stiffness / share, 1 / share],
+            # The columns' dampings grow as the root of the shape.
+            [*(damping / share * (np.log(dampings / mixed) - 1)), damping / (2 * shape)],
+        ]
+    )[:, : len(covariance)]
+    std = np.sqrt(np.maximum(np.diag(gradients @ covariance @ gradients.T), 0.0))
     return {
         "stiffness": Quantity(stiffness, float(std[0]), "N·m/rad"),
         "damping": Quantity(damping, float(std[1]), "N·m·s/rad"),

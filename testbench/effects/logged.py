@@ -11,6 +11,7 @@ from scipy.interpolate import make_interp_spline
 from identification.chain import Chain
 from identification.filtering import central_difference, zero_phase_lowpass
 from identification.inverse_dynamics import inverse_dynamics
+from identification.kinematics import kernel
 from identification.parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_JOINT, VISCOUS
 
 from ..log import Recording
@@ -124,14 +125,13 @@ class Logged:
     def load_change(self, joint: int, displacement: Array) -> Array:
         """First-order change of ``load``, (N, n) N·m, where link coordinate ``joint`` is q + displacement.
 
-        displacement: (N, 3) of the displacement and its first two time derivatives, rad, rad/s, rad/s².
+        displacement: of it and its first two time derivatives, rad, rad/s, rad/s²: (N, 3), or (1, 3) where
+        nothing moves.
         """
-        by_position, by_velocity, by_acceleration = self._load_derivatives(joint)
-        return (
-            by_position * displacement[:, :1]
-            + by_velocity * displacement[:, 1:2]
-            + by_acceleration * displacement[:, 2:]
-        )
+        change = np.empty((self.samples, self.joints))
+        each = np.ascontiguousarray(np.broadcast_to(displacement, (self.samples, 3)))
+        _combine(*self.load_derivatives(joint), each, change)
+        return change
 
     @property
     def _links(self) -> Array:
@@ -144,7 +144,7 @@ class Logged:
     def _derivatives(self) -> dict[int, tuple[Array, Array, Array]]:
         return {}
 
-    def _load_derivatives(self, joint: int) -> tuple[Array, Array, Array]:
+    def load_derivatives(self, joint: int) -> tuple[Array, Array, Array]:
         """d load / d(q, dq, ddq) of one joint, each (N, n)."""
         if joint not in self._derivatives:
             # The motion has nothing above the cut-off, so a coarse grid and a cubic spline carry them.
@@ -177,6 +177,16 @@ class Logged:
                 inverse_dynamics(weightless, self._links, q, still, still + unit, threads=1),
             ]
         )
+
+
+@kernel
+def _combine(first, second, third, weights, out):  # type: ignore[no-untyped-def]
+    """Three arrays (N, n) weighted by a sample's (N, 3), summed."""
+    for t in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[t, j] = (
+                first[t, j] * weights[t, 0] + second[t, j] * weights[t, 1] + third[t, j] * weights[t, 2]
+            )
 
 
 def logged_run(robot: Robot, recording: Recording, parameters: Array, cutoff: float) -> Logged:

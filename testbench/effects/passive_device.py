@@ -23,28 +23,29 @@ def passive_device(
     name: str,
     lugre: tuple[float, float, float] = NOTHING,
     cogging: tuple[float, float, float] = NOTHING,
-    stiffness: float | None = None,
+    bristles: tuple[float, float] | None = None,
 ) -> None:
     """Add a passive dcmotor to a joint.
 
     lugre: Coulomb and static friction, N·m, and the Stribeck velocity, rad/s; it replaces the joint's
-    frictionloss. stiffness: of its bristles, N·m/rad. cogging: amplitude N·m, whole cycles a revolution,
+    frictionloss. bristles: their stiffness, N·m/rad, and damping ratio with the joint's inertia; where only
+    sliding matters, None. cogging: amplitude N·m, whole cycles a revolution,
     phase rad; the torque amplitude·sin(cycles q + phase) is added to the joint.
     """
     element = joint_element(spec, robot, joint)
     device = spec.add_actuator(name=_free_name(spec, f"{element.name}_{name}"), target=element.name)
     device.trntype = mujoco.mjtTrn.mjTRN_JOINT
-    static, bristles = lugre[1], [0.0] * 5
+    static, friction = lugre[1], [0.0] * 5
     if static > 0.0:
-        spring = static / PRESLIDING if stiffness is None else stiffness
+        stiffness, ratio = bristles or (static / PRESLIDING, BRISTLE_DAMPING_RATIO)
         inertia = float(robot.model.dof_M0[joint])
-        bristles = [spring, 2 * BRISTLE_DAMPING_RATIO * float(np.sqrt(spring * inertia)), *lugre]
+        friction = [stiffness, 2 * ratio * float(np.sqrt(stiffness * inertia)), *lugre]
         element.frictionloss = 0.0
     device.set_to_dcmotor(
         motorconst=[0.0, 0.0],
         resistance=1.0,
         cogging=list(cogging),
-        lugre=bristles,
+        lugre=friction,
         ctrlspec=WITHOUT_INPUTS,
     )
 

@@ -54,11 +54,14 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     stiffness = injection.values["stiffness"]
     if np.isinf(stiffness):
         return Action()
-    damping = 0.0
-    if injection.law == "lugre":
-        damping = 2 * BRISTLE_DAMPING_RATIO * np.sqrt(stiffness * simulated.inertia[joint])
+    damping = 2 * _damping_ratio(injection) * np.sqrt(stiffness * simulated.inertia[joint])
     values = [stiffness, damping, DESCRIPTION.laws.index(injection.law)]
     return Action((hook(Stage.FRICTION_STATE, _bristle, joint, values, state=1),))
+
+
+def _damping_ratio(injection: Injection) -> float:
+    """Of the bristles with the joint's inertia; only LuGre's are damped."""
+    return BRISTLE_DAMPING_RATIO if injection.law == "lugre" else 0.0
 
 
 @hook_kernel
@@ -106,11 +109,13 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     """LuGre friction of a passive dcmotor in place of the frictionloss."""
     joint = require_joint(DESCRIPTION.name, injection.joint, robot.joints)
+    if np.isinf(injection.values["stiffness"]):
+        return ()
     coulomb = coulomb_level(spec, robot, joint)
     if coulomb == 0.0:
         coulomb = float(robot.parameters.reshape(robot.joints, -1)[joint, COULOMB_PARAMETER])
-    stiffness = injection.values["stiffness"]
-    passive_device(spec, robot, joint, "bristles", lugre=(coulomb, coulomb, 1.0), stiffness=stiffness)
+    bristles = injection.values["stiffness"], _damping_ratio(injection)
+    passive_device(spec, robot, joint, "bristles", lugre=(coulomb, coulomb, 1.0), bristles=bristles)
     if injection.law == "elasto_plastic":
         return ("MuJoCo's bristles are LuGre's: they creep below the breakaway deflection",)
     return ()

@@ -11,6 +11,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from identification.statistics import PERIODS_A_LAG, SIGNIFICANCE
 from testbench.files import replacing
 from testbench.findings import (
     AT_NOISE_FLOOR,
@@ -87,8 +88,15 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
             }
             for joint, (name, unit) in enumerate(zip(names, units, strict=True))
         ],
-        parameters=[{"row": row, "joint": names[row.joint]} for row in rows],
+        parameters=[
+            {"row": row, "joint": names[row.joint], "needed": needed}
+            for row, needed in zip(rows, result.needed, strict=True)
+        ],
         known=comparison is not None,
+        essential=result.essential,
+        tests=_tests(result),
+        lag_periods=PERIODS_A_LAG,
+        significance=SIGNIFICANCE,
         judged=judged.name,
         torque_by_joint=plot("torque-by-joint", "", figures.torque_by_joint(names, fit, validation, floor)),
         torques=[
@@ -185,6 +193,22 @@ def _tiles(
     tiles.append(Tile(significant(result.estimate.condition_number, 3), "condition number"))
     tiles.append(Tile(significant(result.estimate.effective_samples, 3), "effective samples"))
     return tiles
+
+
+def _tests(result: IdentificationResult) -> list[dict[str, Any]]:
+    """Tests of each joint's residual; none where they were not made."""
+    tests = result.residual_tests
+    if tests is None:
+        return []
+    columns = (
+        result.robot.joint_names,
+        tests.whiteness,
+        tests.normality,
+        tests.first_autocorrelation,
+        tests.independent_samples,
+    )
+    names = ("joint", "whiteness", "normality", "first", "samples")
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def _provenance(result: IdentificationResult) -> list[tuple[str, str]]:

@@ -178,7 +178,7 @@ class _Run:
             raise InputError(
                 "simulation", "torque_noise", "0 where the model has no torque limit", share.tolist()
             )
-        return np.where(share > 0, share * limit, 0.0)
+        return share * np.where(share > 0, limit, 0.0)
 
     def recording(self, output: Array) -> Recording:
         """The log of this run, from the loop's output (N, OUTPUTS, n)."""

@@ -1,0 +1,163 @@
+"""The link of one joint along a logged motion of its motor, where the transmission is elastic or loose.
+
+The encoder is on the motor, so q is logged and the link is at q - w with a windup w. To first order in w the
+load there is load(q) - (dload/dq w + dload/d(dq) dw/dt + dload/d(ddq) d²w/dt²), so on the joint's own row
+
+    M d²w/dt² + (dM/dt) dw/dt + (dload/dq) w + s(w, dw/dt) = load(q),
+
+with the link's inertia M and the torque s that the transmission carries (Spong, "Modeling and control of
+elastic joint robots", J. Dyn. Sys. 109(4), 1987). The other joints move as logged. Once w is simulated, the
+change of the load is that of every joint's torque.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.inverse_dynamics import inverse_dynamics
+from identification.kinematics import kernel
+from identification.parameters import ARMATURE, INERTIAL, PER_JOINT
+
+from .logged import Logged
+
+Array = NDArray[np.float64]
+
+# A link whose inertia re-identification has made too small or negative still moves like one.
+LEAST_INERTIA_SHARE = 1e-3
+# The hard contact at the ends of a gap, with the link's own inertia; teeth hardly bounce.
+CONTACT_FREQUENCY, CONTACT_DAMPING_RATIO = 60.0, 0.7
+# Hz, at least, of the steps through the gap: a contact lasts a few milliseconds.
+GAP_RATE = 4000.0
+POSES, UNLIMITED_RANGE = 64, np.pi
+
+
+def typical_inertia(run: Logged, joint: int) -> float:
+    """A joint's own inertia by the model as given, rotor included: RMS over poses, kg·m² (kg).
+
+    The same for every run of a robot, whatever was re-identified.
+    """
+    limits = run.limits
+    lower = np.where(np.isfinite(limits.lower), limits.lower, -UNLIMITED_RANGE)
+    upper = np.where(np.isfinite(limits.upper), limits.upper, UNLIMITED_RANGE)
+    poses = np.random.default_rng(0).uniform(lower, upper, (POSES, run.joints))
+    links = run.nominal.reshape(run.joints, PER_JOINT).copy()
+    armature = float(links[joint, ARMATURE])
+    links[:, INERTIAL:] = 0.0
+    still, unit = np.zeros_like(poses), np.eye(run.joints)[joint]
+    torque = [
+        inverse_dynamics(run.chain, links.ravel(), poses, still, still + push, threads=1)[:, joint]
+        for push in (unit, -unit)
+    ]
+    return float(np.sqrt(np.mean(((torque[0] - torque[1]) / 2) ** 2))) + armature
+
+
+@dataclass(frozen=True)
+class LinkRow:
+    """What a link's own row of the equations of motion needs, along one run.
+
+    load, by_position, by_velocity, inertia: (N,) load(q), dload/dq, dload/d(dq) and M.
+    """
+
+    run: Logged
+    joint: int
+    load: Array
+    by_position: Array
+    by_velocity: Array
+    inertia: Array
+
+
+def link_row(run: Logged, joint: int) -> LinkRow:
+    """The row of one joint."""
+    own = [np.ascontiguousarray(part[:, joint]) for part in (run.load, *run.load_derivatives(joint))]
+    own[3] = np.maximum(own[3], LEAST_INERTIA_SHARE * typical_inertia(run, joint))
+    return LinkRow(run, joint, *own)
+
+
+def elastic_change(row: LinkRow, stiffness: float, damping: float) -> Array:
+    """Change of the torque where the transmission is a spring with a damper, (N, n) N·m.
+
+    stiffness: N·m/rad. damping: N·m·s/rad.
+    """
+    windup = np.empty((row.run.samples, 3))
+    motion = row.load, row.by_position, row.by_velocity, row.inertia
+    _elastic(*motion, stiffness, damping, 1 / row.run.sample_rate, windup)
+    return row.run.load_change(row.joint, -windup)
+
+
+def loose_change(row: LinkRow, gap: float, tight: Array) -> Array:
+    """Change of the torque where the transmission has play, less that of its contact alone, (N, n) N·m.
+
+    gap: rad, the whole play. tight: (N, 3) ``gap_windup`` without play. Zero where the link never leaves the
+    end of the gap that it starts at: that is an offset of the encoder and nothing more.
+    """
+    loose = gap_windup(row, gap)
+    if (loose[:, 0] > 0).all() or (loose[:, 0] < 0).all():
+        return np.zeros((row.run.samples, row.run.joints))
+    return row.run.load_change(row.joint, tight - loose)
+
+
+def gap_windup(row: LinkRow, gap: float) -> Array:
+    """Windup and its two derivatives, (N, 3), of a link with this play, rad; 0 for its contact alone."""
+    windup = np.empty((row.run.samples, 3))
+    substeps = 2 * int(np.ceil(GAP_RATE / (2 * row.run.sample_rate)))
+    motion = row.load, row.by_position, row.by_velocity, row.inertia
+    _through_gap(*motion, gap, 1 / row.run.sample_rate, substeps, windup)
+    return windup
+
+
+@kernel
+def _elastic(load, by_position, by_velocity, inertia, stiffness, damping, timestep, out):  # type: ignore[no-untyped-def]
+    """Windup and its two derivatives, (N, 3), from rest under the first load.
+
+    Newmark's method of average acceleration: stable for any stiffness, without damping of its own.
+    """
+    out[0, 0] = load[0] / (stiffness + by_position[0])
+    out[0, 1] = out[0, 2] = 0.0
+    for t in range(1, load.size):
+        k, d = stiffness + by_position[t], damping + by_velocity[t]
+        place = out[t - 1, 0] + timestep * (out[t - 1, 1] + 0.25 * timestep * out[t - 1, 2])
+        rate = out[t - 1, 1] + 0.5 * timestep * out[t - 1, 2]
+        effective = inertia[t] + 0.5 * timestep * (d + 0.5 * timestep * k)
+        acceleration = (load[t] - k * place - d * rate) / effective
+        out[t, 0] = place + 0.25 * timestep * timestep * acceleration
+        out[t, 1] = rate + 0.5 * timestep * acceleration
+        out[t, 2] = acceleration
+
+
+@kernel
+def _through_gap(load, by_position, by_velocity, inertia, gap, timestep, substeps, out):  # type: ignore[no-untyped-def]
+    """Windup and its two derivatives, (N, 3), of a link with play; without a gap the contact holds both ways.
+
+    substeps: even, of a sample. The acceleration is the mean over a sample, as an impact is shorter than one.
+    """
+    half, step = 0.5 * gap, timestep / substeps
+    frequency = 2 * np.pi * CONTACT_FREQUENCY
+    deep = load[0] / (frequency * frequency * inertia[0])
+    windup = deep + half * np.sign(load[0])
+    rate = middle = 0.0
+    out[0, 0], out[0, 1] = windup, rate
+    for t in range(1, load.size):
+        before = middle
+        for k in range(substeps):
+            share = (k + 0.5) / substeps
+            torque = load[t - 1] + share * (load[t] - load[t - 1])
+            own = inertia[t - 1] + share * (inertia[t] - inertia[t - 1])
+            deep = windup - min(max(windup, -half), half)
+            stiffness = damping = push = 0.0
+            if deep != 0.0:
+                stiffness = frequency * frequency * own
+                damping = 2 * CONTACT_DAMPING_RATIO * frequency * own
+                push = stiffness * deep + damping * rate
+                # Teeth push and never pull.
+                if gap > 0.0 and push * deep < 0.0:
+                    stiffness = damping = push = 0.0
+            force = torque - push - by_position[t] * windup - by_velocity[t] * rate
+            # As in simulation/transmission.py: stable for any contact, of second order.
+            rate += step * force / (own + 0.5 * step * (damping + 0.5 * step * stiffness))
+            windup += step * rate
+            if 2 * (k + 1) == substeps:
+                middle = rate
+        out[t, 0], out[t, 1] = windup - 0.5 * step * rate, rate
+        out[t - 1, 2] = (middle - before) / timestep
+    out[-1, 2] = 0.0
