@@ -18,19 +18,19 @@ from testbench.effects import effects
 
 from .candidates import EVENT, Candidate, candidate, candidates
 from .contact import contact
-from .evidence import Design, Fit, design, fitted_to, prior_distance, squares, torque_rms
+from .evidence import Design, Fit, fitted_to, log_prior, squares
 from .generic import generic_candidates
+from .ground import Ground, ground
 from .likelihood import Weighed, gained, log_likelihood, odds, weigh
-from .materiality import is_beyond_healthy, is_main, is_material, is_plausible, with_friction
+from .materiality import is_beyond_healthy, is_main, is_material, is_plausible, stands_out, with_friction
 from .preparation import Prepared
-from .weighing import Bank, Ground, Stage
+from .unclaimed import Unclaimed, unclaimed
+from .weighing import Bank, Stage
 
 Array = NDArray[np.float64]
 
 MOST_EFFECTS, MOST_TERMS = 6, 10
 SHORTLIST = 4
-# A free function of the motion that explains this much more than the best named effect is unknown.
-UNKNOWN_SHARE = 0.25
 # What keeps less than this share of its log-likelihood once another effect is in explains the same thing.
 RIVAL_LEFT = 0.5
 # A rival this probable cannot be told apart on these runs.
@@ -54,14 +54,14 @@ class Accepted:
 
 @dataclass(frozen=True)
 class Attribution:
-    """The hypothesis found. unknown: (joint, regime) of structure that no effect explains."""
+    """The hypothesis found. unknown: structure that no effect explains. last_stage: what was not taken in."""
 
     prepared: Prepared
     accepted: tuple[Accepted, ...]
     hypothesis: Design
     fitted: Fit
     parameters_only: tuple[Design, Fit]
-    unknown: tuple[tuple[int, str, float], ...]
+    unknown: tuple[Unclaimed, ...]
     last_stage: tuple[Weighed, ...]
 
 
@@ -71,22 +71,19 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     hypothesis, fitted = fitted_to(prepared, [])
     first = hypothesis, fitted
     sized = with_friction(prepared.robot, standard_values(prepared, fitted))
-    torque_scale = torque_rms(prepared)
     # A push of the surroundings can imitate anything for a while: it is weighed last.
     early = [*without, EVENT]
-    ground = Ground(prepared, hypothesis)
-    proposals, free = (Bank(ground, c) for c in (candidates(prepared, early), generic_candidates(prepared)))
-    original = Stage(ground, hypothesis, fitted)
+    base = ground(prepared)
+    proposals, free = (Bank(base, c) for c in (candidates(prepared, early), generic_candidates(prepared)))
+    original = Stage(base, hypothesis, fitted)
     accepted: list[Accepted] = []
-    unknown: list[tuple[int, str, float]] = []
     weighed: list[Weighed] = []
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
-        stage = Stage(ground, hypothesis, fitted)
+        stage = Stage(base, hypothesis, fitted)
         taken = {item.candidate.place for item in accepted}
         weighed = [w for w in weigh(stage, proposals) if w.candidate.place not in taken]
-        weighed = [w for w in weighed if is_plausible(w.candidate, w.gain.coefficients)]
-        unknown = _unclaimed(stage, weigh(stage, free), weighed)
-        material = [w for w in weighed if is_material(stage, w.gain)]
+        weighed = [w for w in weighed if is_plausible(sized, w.candidate, w.gain.coefficients)]
+        material = [w for w in weighed if is_material(stage, w.gain) or stands_out(w, weighed)]
         before = [a.candidate for a in accepted]
         if material:
             best, rivals, trial = _choose(stage, before, material)
@@ -101,7 +98,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
             (best.candidate, own),
             *((w.candidate, w.gain.coefficients) for w, p in rivals if p > CONFUSABLE),
         ]
-        beyond = all(is_beyond_healthy(sized, torque_scale, *each) for each in sizes)
+        beyond = all(is_beyond_healthy(sized, base.torque_rms, *each) for each in sizes)
         accepted.append(
             Accepted(
                 candidate=best.candidate,
@@ -114,13 +111,17 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
         hypothesis, fitted = trial
         if best.candidate.family.effect in WORLD:
             prepared = linearised(prepared, hypothesis, fitted)
-            ground = Ground(prepared, design(prepared))
-            proposals = Bank(ground, candidates(prepared, early))
-            free = Bank(ground, generic_candidates(prepared))
+            base = ground(prepared)
+            proposals = Bank(base, candidates(prepared, early))
+            free = Bank(base, generic_candidates(prepared))
             accepted = [replace(a, candidate=_again(prepared, a.candidate)) for a in accepted]
             hypothesis, fitted = fitted_to(prepared, [a.candidate for a in accepted])
-    accepted, hypothesis, fitted = _pruned(ground, accepted, hypothesis, fitted)
-    return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, tuple(unknown), tuple(weighed))
+    accepted, hypothesis, fitted = _pruned(base, accepted, hypothesis, fitted)
+    unknown = unclaimed(original, Stage(base, hypothesis, fitted), free)
+    somewhere = {item.joint for item in unknown}
+    # What is named beside a larger misfit of the same joint only imitates a part of it.
+    accepted = [replace(a, named=a.named and a.candidate.family.joint not in somewhere) for a in accepted]
+    return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed))
 
 
 def linearised(prepared: Prepared, hypothesis: Design, fitted: Fit) -> Prepared:
@@ -197,41 +198,25 @@ def _choose(
     return shortlist[first], tuple(sorted(rivals, key=lambda r: -r[1])), trials[first]
 
 
-def _unclaimed(
-    stage: Stage, generic: Sequence[Weighed], named: Sequence[Weighed]
-) -> list[tuple[int, str, float]]:
-    """Joints at which a free function explains materially more than the best named effect does."""
-    claimed = np.max([np.zeros(stage.prepared.joints), *(stage.shares(w.gain) for w in named)], axis=0)
-    found = []
-    for item in generic:
-        joint = item.candidate.family.joint
-        assert joint is not None
-        share = stage.shares(item.gain)[joint]
-        more = share > max(UNKNOWN_SHARE, claimed[joint] + 0.5 * UNKNOWN_SHARE)
-        if more and is_material(stage, item.gain):
-            found.append((joint, item.candidate.family.effect.removeprefix("unknown: "), float(share)))
-    return sorted(found, key=lambda f: -f[2])
-
-
 def _pruned(
-    ground: Ground, accepted: list[Accepted], hypothesis: Design, fitted: Fit
+    base: Ground, accepted: list[Accepted], hypothesis: Design, fitted: Fit
 ) -> tuple[list[Accepted], Design, Fit]:
     """Take out, one by one, what is no longer material beside the others."""
     while len(accepted) > 1:
         rest = [
-            fitted_to(ground.prepared, [a.candidate for k, a in enumerate(accepted) if k != leave])
+            fitted_to(base.prepared, [a.candidate for k, a in enumerate(accepted) if k != leave])
             for leave in range(len(accepted))
         ]
         worth = []
         for item, trial in zip(accepted, rest, strict=True):
-            stage = Stage(ground, *trial)
+            stage = Stage(base, *trial)
             gain = stage.gain(item.candidate)
             if gain is not None:
                 # Both are fitted in full here, so what leaving it out costs is known exactly.
                 gain = replace(
                     gain,
                     held_out=stage.held_squares - squares(fitted.held_out),
-                    distance=prior_distance(hypothesis, fitted),
+                    prior=float(log_prior(hypothesis, fitted.values)),
                 )
             keeps = item.candidate.is_event or (gain is not None and is_material(stage, gain))
             worth.append((keeps, 0.0 if gain is None else gained(stage, gain)))

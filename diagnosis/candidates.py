@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 Place = tuple[str, int | None, int | None]
 # Something that happens in one run, and tells nothing of another.
 EVENT = "external_contact"
+# What the effect of a free function of the motion is called before its regime.
+FREE = "unknown: "
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,11 @@ class Candidate:
     def is_event(self) -> bool:
         """Whether it belongs to the runs it was seen in, and not to the robot."""
         return self.family.effect == EVENT
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it is a free function of the motion, under no law."""
+        return self.family.effect.startswith(FREE)
 
     @property
     def place(self) -> Place:

@@ -6,7 +6,7 @@ import numpy as np
 
 from .candidates import EVENT, Place, candidates
 from .evidence import fitted_to, squares
-from .likelihood import Weighed, odds, weigh
+from .likelihood import INDEPENDENT, Weighed, odds, weigh
 from .weighing import Bank, Stage
 
 # Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
@@ -22,24 +22,30 @@ def contact(
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...]] | None:
     """The link that was pushed, its rivals with their probabilities; None where nothing looks like a push.
 
-    An event cannot be predicted from other runs, so it pays for its coefficients instead (Akaike).
+    An event cannot be predicted from other runs, so it is judged where it was seen, and pays for its
+    coefficients instead (Akaike).
     """
     if not _in_bursts(stage):
         return None
-    worth = {}
-    for weighed in weigh(stage, Bank(stage.ground, candidates(stage.prepared, (), (EVENT,)))):
-        if weighed.candidate.place not in taken:
-            worth[weighed.candidate.place] = weighed.gain.objective / 2 - weighed.candidate.count, weighed
-    ordered = [weighed for _, weighed in sorted(worth.values(), key=lambda w: -w[0])]
-    if not ordered or worth[ordered[0].candidate.place][0] < SMALLEST_GAIN:
+    pushes = candidates(stage.prepared, (), (EVENT,))
+    likeliest = sorted(
+        (w for w in weigh(stage, Bank(stage.ground, pushes)) if w.candidate.place not in taken),
+        key=lambda w: -w.gain.objective,
+    )[: RIVALS + 1]
+    before = squares(stage.fitted.residual)
+    worth, shares = [], []
+    for weighed in likeliest:
+        _, trial = fitted_to(stage.prepared, [*stage.hypothesis.accepted, weighed.candidate])
+        left = squares(trial.residual) / np.maximum(before, 1e-300)
+        gained = -0.5 * INDEPENDENT * float(np.sum(stage.counts * np.log(np.maximum(left, 1e-300))))
+        worth.append(gained - weighed.candidate.count)
+        shares.append(float(np.max(1 - left)))
+    if not worth or max(worth) < SMALLEST_GAIN or shares[int(np.argmax(worth))] < SMALLEST_SHARE:
         return None
-    _, trial = fitted_to(stage.prepared, [*stage.hypothesis.accepted, ordered[0].candidate])
-    before, after = squares(stage.fitted.residual), squares(trial.residual)
-    if np.max(1 - after / np.maximum(before, 1e-300)) < SMALLEST_SHARE:
-        return None
-    shortlist = ordered[: RIVALS + 1]
-    probability = odds([worth[w.candidate.place][0] for w in shortlist])
-    return shortlist[0], tuple((w, float(p)) for w, p in zip(shortlist[1:], probability[1:], strict=True))
+    order = np.argsort(-np.array(worth), kind="stable")
+    probability = odds([worth[i] for i in order])
+    rivals = tuple((likeliest[i], float(p)) for i, p in zip(order[1:], probability[1:], strict=True))
+    return likeliest[order[0]], rivals
 
 
 def _in_bursts(stage: Stage) -> bool:

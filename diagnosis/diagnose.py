@@ -14,6 +14,7 @@ from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate
 from .localisation import where
 from .noise import noise_rms
 from .preparation import Prepared, prepare
+from .unclaimed import NOTHING, Unclaimed
 
 Array = NDArray[np.float64]
 
@@ -49,11 +50,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         final=(hypothesis, fitted),
         parameters=standard_values(prepared, fitted),
         timing=float(fitted.values[hypothesis.parameters - 1]),
-        notes=tuple(
-            f"{robot.joint_names[joint]}: a free function of {regime} would explain "
-            f"{share:.0%} of what is left"
-            for joint, regime, share in found.unknown
-        ),
+        notes=tuple(_unclaimed_in_words(robot, item) for item in found.unknown),
     )
 
 
@@ -148,6 +145,12 @@ def _ranked(found: Attribution) -> tuple[RankedCandidate, ...]:
     return tuple(seen.values())
 
 
+def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
+    followed = item.regime if item.regime == NOTHING else f"the joint's {item.regime}"
+    place = f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {followed}"
+    return f"{place}, and no effect of the catalogue explains it"
+
+
 def _sentence(
     robot: Robot, verdict: str, effects: Sequence[NamedEffect], found: Attribution, gap: Gap
 ) -> str:
@@ -156,11 +159,7 @@ def _sentence(
     if verdict == "parameters":
         return "Re-identified parameters explain these logs; no effect beyond them is needed."
     if verdict == "unknown":
-        joint, regime, share = found.unknown[0]
-        return (
-            f"At {robot.joint_names[joint]} {share:.0%} of what is left follows the joint's {regime}, "
-            "and no effect of the catalogue explains it."
-        )
+        return f"At {_unclaimed_in_words(robot, found.unknown[0])}."
     parts = []
     for effect in effects:
         place = "" if effect.joint is None else f" at {robot.joint_names[effect.joint]}"

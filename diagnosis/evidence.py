@@ -17,8 +17,8 @@ from scipy.optimize import lsq_linear
 from identification.covariance import variance_inflation
 
 from .candidates import Candidate
+from .ground import ground
 from .preparation import Prepared
-from .prior import TIMING, parameter_widths
 
 Array = NDArray[np.float64]
 
@@ -26,49 +26,50 @@ RIDGE = 1e-12
 WEIGHT_PASSES = 3
 # Misfit can be coloured without end; a joint must not lose its say altogether over it.
 LARGEST_INFLATION = 10.0
+DELAY, NO_TIMING = "torque_delay", 1e-6
 
 
 @dataclass(frozen=True)
 class Design:
-    """The regressor of a hypothesis: a run, columns (M, n, p); gap: a run, (M, n) torque less the model's.
+    """The hypothesis that these effects act on the prepared runs, and no other.
 
-    precision: (p,) prior precision of each unknown, 0 for none. accepted: the effects taken in.
+    accepted: the effects. precision: (p,) prior precision of each unknown, 0 for none.
     """
 
-    columns: tuple[Array, ...]
-    gap: tuple[Array, ...]
-    used: tuple[NDArray[np.bool_], ...]
-    precision: Array
+    prepared: Prepared
     accepted: tuple[Candidate, ...]
+    precision: Array
 
     @property
     def parameters(self) -> int:
         """Number of unknowns before the effects' coefficients."""
-        return len(self.precision) - sum(c.count for c in self.accepted)
+        return ground(self.prepared).parameters
+
+    @property
+    def gap(self) -> tuple[Array, ...]:
+        """Torque less the model's, a run (M, n) N·m."""
+        return ground(self.prepared).gap
+
+    @property
+    def used(self) -> tuple[NDArray[np.bool_], ...]:
+        """The samples that count, a run (M, n)."""
+        return tuple(run.used for run in self.prepared.runs)
+
+    def added(self, run: int) -> Array:
+        """The effects' columns along one run, (M, n, k)."""
+        run_gap = self.gap[run]
+        return np.concatenate(
+            [np.zeros((*run_gap.shape, 0)), *(c.columns[run] for c in self.accepted)], axis=2
+        )
 
 
 def design(prepared: Prepared, accepted: Sequence[Candidate] = ()) -> Design:
     """The hypothesis that these effects act, and no other."""
-    torque_scale = torque_rms(prepared)
-    widths = np.append(parameter_widths(prepared.nominal, torque_scale), TIMING)
-    columns, gaps = [], []
-    for index, run in enumerate(prepared.runs):
-        timing = -run.filtered(run.logged.predicted_rate)[:, :, None]
-        columns.append(np.concatenate([run.rows, timing, *(c.columns[index] for c in accepted)], axis=2))
-        gaps.append(run.torque - run.rows @ prepared.nominal)
-    free = np.zeros(sum(c.count for c in accepted))
-    return Design(
-        tuple(columns),
-        tuple(gaps),
-        tuple(run.used for run in prepared.runs),
-        np.concatenate([widths**-2.0, free]),
-        tuple(accepted),
-    )
-
-
-def torque_rms(prepared: Prepared) -> Array:
-    """RMS torque of each joint over all runs, (n,) N·m."""
-    return np.sqrt(np.mean(np.concatenate([run.torque for run in prepared.runs]) ** 2, axis=0))
+    precision = np.concatenate([ground(prepared).precision, np.zeros(sum(c.count for c in accepted))])
+    if any(c.family.effect == DELAY for c in accepted):
+        # A delay that is an effect leaves none to the way the log was taken.
+        precision[ground(prepared).parameters - 1] = NO_TIMING**-2
+    return Design(prepared, tuple(accepted), precision)
 
 
 @dataclass(frozen=True)
@@ -92,19 +93,24 @@ class Fit:
 
 
 class Normal:
-    """Sums over each fold's used rows of one joint: X'X (F, n, p, p), X'y (F, n, p), y'y (F, n)."""
+    """Sums over each fold's used rows of one joint: X'X (F, n, p, p) and X'y (F, n, p)."""
 
-    def __init__(self, prepared: Prepared, hypothesis: Design):
-        folds, n, p = len(prepared.folds), prepared.joints, len(hypothesis.precision)
-        self.xx, self.xy, self.yy = np.zeros((folds, n, p, p)), np.zeros((folds, n, p)), np.zeros((folds, n))
-        for fold, (run, part) in enumerate(prepared.folds):
+    def __init__(self, hypothesis: Design):
+        base = ground(hypothesis.prepared)
+        folds, n, p = len(base.folds), base.joints, len(hypothesis.precision)
+        first = base.parameters
+        self.xx, self.xy = np.zeros((folds, n, p, p)), np.zeros((folds, n, p))
+        self.xx[:, :, :first, :first], self.xy[:, :, :first] = base.xx, base.xy
+        if not hypothesis.accepted:
+            return
+        added = base.rows([hypothesis.added(run) for run in range(len(base.gap))])
+        for fold in range(folds):
             for joint in range(n):
-                used = hypothesis.used[run][part, joint]
-                x = hypothesis.columns[run][part, joint][used]
-                y = hypothesis.gap[run][part, joint][used]
-                self.xx[fold, joint] = x.T @ x
-                self.xy[fold, joint] = x.T @ y
-                self.yy[fold, joint] = y @ y
+                z = added[fold][joint]
+                cross = base.x[fold][joint].T @ z
+                self.xx[fold, joint, :first, first:], self.xx[fold, joint, first:, :first] = cross, cross.T
+                self.xx[fold, joint, first:, first:] = z.T @ z
+                self.xy[fold, joint, first:] = z.T @ base.y[fold][joint]
 
 
 def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
@@ -124,7 +130,7 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
 
 def fit(prepared: Prepared, hypothesis: Design) -> Fit:
     """Weights, prior scale and values estimated in turn; then every fold predicted from the others."""
-    normal = Normal(prepared, hypothesis)
+    normal = Normal(hypothesis)
     lower, upper = _bounds(hypothesis)
     weights = 1 / np.maximum(np.var(np.concatenate(hypothesis.gap), axis=0), 1e-30)
     prior_scale = 1.0
@@ -134,24 +140,22 @@ def fit(prepared: Prepared, hypothesis: Design) -> Fit:
         residual = _residual(hypothesis, values)
         variance, inflation = variance_inflation(residual, hypothesis.used)
         weights = 1 / np.maximum(variance * np.minimum(inflation, LARGEST_INFLATION), 1e-30)
-        distance = float(values**2 @ hypothesis.precision)
-        prior_scale = 1.0 + distance / count
+        prior_scale = 1.0 + float(prior_distance(hypothesis, values)) / count
     information = np.einsum("j,fjab->ab", weights, normal.xx)
-    information[np.diag_indices_from(information)] += hypothesis.precision / prior_scale + RIDGE
+    information[np.diag_indices_from(information)] += scaled_precision(hypothesis, prior_scale) + RIDGE
     values = _values(normal, hypothesis, weights, prior_scale, lower, upper)
     residual = _residual(hypothesis, values)
     events = np.concatenate(
         [np.zeros(hypothesis.parameters, bool), *(np.full(c.count, c.is_event) for c in hypothesis.accepted)]
     )
-    distance = float(values**2 @ hypothesis.precision) / prior_scale
+    distance = float(values**2 @ scaled_precision(hypothesis, prior_scale))
     held_out = [np.zeros_like(gap) for gap in hypothesis.gap]
     for fold, (run, part) in enumerate(prepared.folds):
         rest = [other for other in range(len(prepared.folds)) if other != fold]
         apart = _values(normal, hypothesis, weights, prior_scale, lower, upper, rest)
         # No other run foretells an event: it is told apart from what the model predicts, not predicted.
         apart[events] = values[events]
-        left = hypothesis.gap[run][part] - hypothesis.columns[run][part] @ apart
-        held_out[run][part] = np.where(hypothesis.used[run][part], left, 0.0)
+        held_out[run][part] = _left(hypothesis, run, part, apart)
     return Fit(
         values=values,
         covariance=np.linalg.pinv(information, hermitian=True),
@@ -175,9 +179,25 @@ def squares(residual: Sequence[Array]) -> Array:
     return np.sum([np.sum(run**2, axis=0) for run in residual], axis=0)
 
 
-def prior_distance(hypothesis: Design, fitted: Fit) -> float:
-    """Squared distance of a fit's parameters from the model's, in units of the prior."""
-    return float(fitted.values**2 @ hypothesis.precision)
+def prior_distance(hypothesis: Design, values: Array) -> Array:
+    """Squared distance of parameters (p, ...) from the model's, in units of the prior; timing apart."""
+    timing = hypothesis.parameters - 1
+    standard = np.delete(hypothesis.precision, timing)
+    return standard @ np.delete(values, timing, axis=0) ** 2
+
+
+def log_prior(hypothesis: Design, values: Array) -> Array:
+    """Log-prior of parameters (p, ...), its common scale integrated out; up to a constant."""
+    timing, freedom = hypothesis.parameters - 1, determined(hypothesis.prepared)
+    late = values[timing] ** 2 * hypothesis.precision[timing]
+    return -0.5 * freedom * np.log(freedom + prior_distance(hypothesis, values)) - 0.5 * late
+
+
+def scaled_precision(hypothesis: Design, scale: float) -> Array:
+    """Prior precision (p,) at a common variance scale; when torques are sampled has nothing to do with it."""
+    scaled = hypothesis.precision / scale
+    scaled[hypothesis.parameters - 1] *= scale
+    return scaled
 
 
 def _bounds(hypothesis: Design) -> tuple[Array, Array]:
@@ -201,10 +221,10 @@ def _values(
     upper: Array,
     folds: Sequence[int] | None = None,
 ) -> Array:
-    chosen = list(range(len(normal.yy))) if folds is None else list(folds)
+    chosen = list(range(len(normal.xx))) if folds is None else list(folds)
     matrix = np.einsum("j,fjab->ab", weights, normal.xx[chosen])
     right = np.einsum("j,fja->a", weights, normal.xy[chosen])
-    matrix[np.diag_indices_from(matrix)] += hypothesis.precision / prior_scale
+    matrix[np.diag_indices_from(matrix)] += scaled_precision(hypothesis, prior_scale)
     # A coefficient that this fold does not reach is left at zero.
     dead = np.diag(matrix) <= 0
     matrix[dead, dead] = 1.0
@@ -212,7 +232,15 @@ def _values(
 
 
 def _residual(hypothesis: Design, values: Array) -> tuple[Array, ...]:
-    return tuple(
-        np.where(used, gap - columns @ values, 0.0)
-        for columns, gap, used in zip(hypothesis.columns, hypothesis.gap, hypothesis.used, strict=True)
-    )
+    return tuple(_left(hypothesis, run, slice(None), values) for run in range(len(hypothesis.gap)))
+
+
+def _left(hypothesis: Design, run: int, part: slice, values: Array) -> Array:
+    """Residual (M, n) N·m of a part of one run; zero where samples do not count."""
+    base = ground(hypothesis.prepared)
+    left = base.gap[run][part] - base.columns[run][part] @ values[: base.parameters]
+    start = base.parameters
+    for candidate in hypothesis.accepted:
+        left -= candidate.columns[run][part] @ values[start : start + candidate.count]
+        start += candidate.count
+    return np.where(hypothesis.prepared.runs[run].used[part], left, 0.0)

@@ -5,19 +5,22 @@ any law. Where such a set predicts runs that were left out and no effect of the 
 well, the cause is unknown, and the family says in which regime it shows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from testbench.effects.signature import Family, Logged, Member, Quantity, single_joint
 
-from .candidates import Candidate, candidate
+from .candidates import FREE, Candidate, candidate
 from .preparation import Prepared
 
 Array = NDArray[np.float64]
 
 REGIMES = ("position", "velocity", "position and direction", "acceleration", "run time", "neighbour's motion")
+
+# Pieces that the range of positions and the length of the runs are divided into.
+POSITIONS, SPANS = 9, 6
 
 
 def generic_candidates(prepared: Prepared) -> list[Candidate]:
@@ -31,7 +34,7 @@ def generic_candidates(prepared: Prepared) -> list[Candidate]:
             if k == 0:
                 continue
             member = Member({}, (joint,), single_joint(columns), np.full(k, -np.inf), np.full(k, np.inf))
-            family = Family(f"unknown: {regime}", joint, (member,), _no_parameters)
+            family = Family(f"{FREE}{regime}", joint, (member,), _no_parameters)
             found.append(candidate(prepared, family, member))
     return found
 
@@ -43,21 +46,37 @@ def _no_parameters(member: Member, c: Array, covariance: Array) -> dict[str, Qua
 def _columns(run: Logged, joint: int, regime: str, runs: Sequence[Logged]) -> Array:
     """Functions of the motion (N, k), each of unit size or so."""
     q, v, a = run.q[:, joint], run.dq[:, joint], run.ddq[:, joint]
-    top = max(max(float(np.max(np.abs(r.dq[:, joint]))) for r in runs), 1e-6)
-    s = v / top
+    s = v / _largest(r.dq[:, joint] for r in runs)
     if regime == "position":
-        return np.column_stack([f(m * q) for m in (1, 2, 3) for f in (np.sin, np.cos)])
-    if regime == "velocity":
-        bumps = [np.sign(v) * np.exp(-np.abs(s) / width) for width in (0.02, 0.08, 0.3)]
-        return np.column_stack([*bumps, s * np.abs(s), s**3, np.abs(s)])
+        return _bumps(q, [r.q[:, joint] for r in runs], POSITIONS)
     if regime == "position and direction":
-        return np.column_stack([f(m * q) * np.sign(v) for m in (1, 2) for f in (np.sin, np.cos)])
+        return _bumps(q, [r.q[:, joint] for r in runs], POSITIONS) * np.sign(v)[:, None]
+    if regime == "velocity":
+        near_rest = [np.sign(v) * np.exp(-np.abs(s) / width) for width in (0.02, 0.08, 0.3)]
+        return np.column_stack([*near_rest, s * np.abs(s), s**3, np.abs(s)])
     if regime == "acceleration":
-        largest = max(float(np.max(np.abs(a))), 1e-6)
-        return np.column_stack([a * np.abs(a) / largest**2, np.gradient(a) * run.sample_rate / largest])
+        b = a / _largest(r.ddq[:, joint] for r in runs)
+        jerk = np.gradient(b) * run.sample_rate / np.pi
+        friction = [np.sign(v) * f for f in (np.abs(b), b**2, np.minimum(np.abs(b), 0.2))]
+        return np.column_stack([b * np.abs(b), jerk, *friction])
     if regime == "run time":
-        total = run.time[-1] - run.time[0]
-        u = (run.time - run.time[0]) / max(total, 1e-9)
-        return np.column_stack([u, u * np.sign(v), u * s, u**2 * s])
-    others = [k for k in (joint - 1, joint + 1) if 0 <= k < run.joints]
-    return np.column_stack([f for k in others for f in (run.dq[:, k], np.sign(run.dq[:, k]))])
+        spans = _bumps(run.time - run.time[0], [r.time - r.time[0] for r in runs], SPANS)
+        return np.column_stack([spans, spans * np.sign(v)[:, None], spans[:, 1:] * s[:, None]])
+    found = []
+    for k in (joint - 1, joint + 1):
+        if 0 <= k < run.joints:
+            w = run.dq[:, k] / _largest(r.dq[:, k] for r in runs)
+            found += [w, np.sign(w), w * np.abs(w), w**2, np.sign(v) * np.abs(w), s * w]
+    return np.column_stack(found) if found else np.zeros((run.samples, 0))
+
+
+def _largest(series: Iterable[Array]) -> float:
+    """Largest absolute value of all runs."""
+    return max(max(float(np.max(np.abs(values))) for values in series), 1e-6)
+
+
+def _bumps(values: Array, runs: Sequence[Array], count: int) -> Array:
+    """Hat functions (N, count) that share out the range of all runs and add up to one."""
+    low, high = min(float(r.min()) for r in runs), max(float(r.max()) for r in runs)
+    place = (values - low) / max(high - low, 1e-9) * (count - 1)
+    return np.maximum(1 - np.abs(place[:, None] - np.arange(count)), 0)

@@ -5,8 +5,8 @@ With the noise of each joint and the scale of the prior integrated out, both are
     log L = -1/2 sum_j m_j log(squared held-out residual of joint j) - nu/2 log(nu + distance)
 
 m_j are the independent samples of joint j, distance the squared shift of the parameters in units of the
-prior of prior.py, nu how many parameters the runs can move. An effect that re-identification swallows
-shows in the second term alone.
+prior of prior.py, nu how many parameters the runs can move; the timing error has a term of its own. An
+effect that re-identification swallows shows in the prior alone.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .candidates import Candidate, Place
-from .evidence import Design, Fit, determined, prior_distance, squares
+from .evidence import Design, Fit, log_prior, squares
 from .weighing import Bank, Gain, Stage
 
 Array = NDArray[np.float64]
@@ -55,16 +55,14 @@ def gained_elsewhere(stage: Stage, gain: Gain) -> float:
 
 def gained_by_shift(stage: Stage, gain: Gain) -> float:
     """The part of it that comes from parameters nearer to the model's."""
-    freedom = determined(stage.prepared)
-    return 0.5 * freedom * float(np.log((freedom + stage.distance) / (freedom + gain.distance)))
+    return gain.prior - stage.prior
 
 
 def log_likelihood(stage: Stage, trial: tuple[Design, Fit]) -> float:
     """Of a hypothesis fitted in full, on the samples of a stage; up to a constant."""
     held_squares = np.maximum(squares(trial[1].held_out), 1e-300)
-    freedom = determined(stage.prepared)
     held_out = INDEPENDENT * float(np.sum(stage.counts * np.log(held_squares)))
-    return -0.5 * held_out - 0.5 * freedom * float(np.log(freedom + prior_distance(*trial)))
+    return -0.5 * held_out + float(log_prior(trial[0], trial[1].values))
 
 
 def weigh(stage: Stage, bank: Bank) -> list[Weighed]:

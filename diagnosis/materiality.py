@@ -5,7 +5,7 @@ where re-identification swallows it, when it spares the parameters a shift that 
 named when it is also larger than what every healthy robot has.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from identification.parameters import COULOMB, PER_JOINT, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
-from testbench.effects.size import typical_range
+from testbench.effects.size import scale_of, typical_range
 from testbench.robot import Robot
 
 from .candidates import Candidate
-from .evidence import torque_rms
-from .likelihood import gained, gained_by_shift, gained_elsewhere
+from .likelihood import Weighed, gained_by_shift, gained_elsewhere
 from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]
@@ -30,6 +29,10 @@ SMALLEST_TORQUE = 0.006
 # ... or the log-likelihood of the parameters' shift that it must spare, where it is swallowed by them.
 SMALLEST_SHIFT = 7.5
 HIDDEN_OVERLAP = 0.9
+# Next to an effect that is found by its small trace alone, nothing else may gain this share of it.
+STANDING_OUT = 0.6
+# The samples beyond a limit hold whatever made the torque large; only clipping explains nearly all of it.
+SATURATION, SATURATION_SHARE = "torque_saturation", 0.6
 # What one joint's misfit can imitate is no effect of the whole robot.
 SMALLEST_ELSEWHERE = 7.5
 # Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
@@ -39,6 +42,18 @@ NAMED_SHARE = 0.05
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 HEALTHY: Mapping[str, float] = {"asymmetric_friction": 2.0, "torque_delay": 12.0}
 HEALTHY_ELSE = 0.8
+# Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
+LARGEST = 3.0
+BOUNDED = (
+    "presliding_hysteresis",
+    "joint_elasticity",
+    "encoder_offset",
+    "encoder_eccentricity",
+    "torque_gain_error",
+    "base_tilt",
+)
+# A spring that holds less than this share of the Coulomb friction may be any cable.
+SPRING, SPRING_COULOMB = "gravity_spring", 0.1
 # An effect's size is its first parameter, or the largest of these.
 SIZES: Mapping[str, tuple[str, ...]] = {
     "asymmetric_friction": ("offset", "viscous_difference"),
@@ -54,11 +69,24 @@ def is_material(stage: Stage, gain: Gain) -> bool:
         return False
     if gain.overlap > HIDDEN_OVERLAP and gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
-    if family.swallowed and gain.overlap > HIDDEN_OVERLAP and gained(stage, gain) > SMALLEST_SHIFT:
-        return True
+    # What acts on one joint's torque must show there, whatever it does to the others' parameters.
+    rows = list(gain.candidate.member.rows)
     removed = np.sqrt(np.maximum(gain.held_out, 0) / np.maximum(stage.counts, 1))
-    enough = removed > SMALLEST_TORQUE * torque_rms(stage.prepared)
-    return bool(np.any((stage.shares(gain) > SMALLEST_SHARE) & enough))
+    enough = removed > SMALLEST_TORQUE * stage.ground.torque_rms
+    smallest = SATURATION_SHARE if family.effect == SATURATION else SMALLEST_SHARE
+    return bool(np.any(((stage.shares(gain) > smallest) & enough)[rows]))
+
+
+def stands_out(weighed: Weighed, others: Sequence[Weighed]) -> bool:
+    """Whether an effect that re-identification swallows is what is left to explain, and nothing else is.
+
+    Its trace is small, so any misfit would do for one: it must be well above what all other effects gain.
+    """
+    family = weighed.candidate.family
+    if not family.swallowed or weighed.gain.overlap < HIDDEN_OVERLAP or weighed.score < SMALLEST_SHIFT:
+        return False
+    rivals = (w.score for w in others if w.candidate.family.effect != family.effect)
+    return max(rivals, default=0.0) < STANDING_OUT * weighed.score
 
 
 def is_main(first: Stage, stage: Stage, gain: Gain) -> bool:
@@ -75,14 +103,19 @@ def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, c
     return size(robot, torque_scale, candidate, coefficients) > healthy
 
 
-def is_plausible(candidate: Candidate, coefficients: Array) -> bool:
-    """Whether the effect's parameters are within the bounds that the catalogue gives them."""
-    values = quantities(candidate, coefficients)
-    for parameter in effect(candidate.family.effect).DESCRIPTION.parameters:
+def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> bool:
+    """Whether the effect's parameters are within the bounds that the catalogue and experience give them."""
+    family, values = candidate.family, quantities(candidate, coefficients)
+    for parameter in effect(family.effect).DESCRIPTION.parameters:
         if parameter.name in values:
             value = np.asarray(values[parameter.name].value)
             if np.any(value < parameter.lower) or np.any(value > parameter.upper):
                 return False
+    if family.effect in BOUNDED:
+        parameter = effect(family.effect).DESCRIPTION.parameters[0]
+        mild, severe = typical_range(parameter, robot, family.joint)
+        amount = float(np.max(np.abs(values[parameter.name].value)))
+        return amount <= LARGEST * severe if severe >= mild else amount >= severe / LARGEST
     return True
 
 
@@ -105,6 +138,8 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
         mild, severe = typical_range(known[name], robot, family.joint)
         if family.joint is not None and known[name].unit == "N·m":
             mild = max(mild, SMALLEST_TORQUE * float(torque_scale[family.joint]))
+            if family.effect == SPRING:
+                mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
             severe = max(mild, severe)
         value = float(np.max(np.abs(values[name].value)))
         small, large = (value, mild) if severe >= mild else (mild, value)

@@ -59,7 +59,7 @@ class Run:
         return self.filter(columns)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prepared:
     """All runs, and the folds that are left out in turn.
 

@@ -17,7 +17,8 @@ ROTOR, FRICTION = 0.20, 0.35
 OFFSET_SHARE = 0.03
 # Half a size of this share of the arm's largest link stands in where a model has next to nothing.
 FLOOR = 0.01
-TIMING = 1e-3
+# Torque and position are sampled up to two milliseconds apart.
+TIMING = 0.7e-3
 
 
 def parameter_widths(nominal: Array, torque_scale: Array) -> Array:

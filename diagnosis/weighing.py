@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from .candidates import Candidate
-from .evidence import RIDGE, Design, Fit, prior_distance
-from .preparation import Prepared
+from .evidence import RIDGE, Design, Fit, Normal, log_prior, scaled_precision
+from .ground import Ground
 
 Array = NDArray[np.float64]
 
 # Against exact collinearity within a candidate, relative.
 SMALL_RIDGE = 1e-9
+# Of a free function, relative to its columns before anything is projected out: what the base regressor all
+# but spans, and what other runs hardly visit, is left alone.
+FREE_RIDGE = 0.02
 SWEEPS, CONVERGED = 500, 1e-12
 
 
@@ -29,8 +32,8 @@ class Gain:
 
     objective: drop of the objective, chi-squared units. held_out: (n,) drop of the held-out squared
     residual of each joint, N²·m². coefficients: (k,). overlap: the largest share of any of the
-    candidate's directions that the hypothesis already spans. distance: squared distance of the parameters
-    from the model's, in units of the prior, once the candidate is in.
+    candidate's directions that the hypothesis already spans. prior: log-prior of the parameters once the
+    candidate is in.
     """
 
     candidate: Candidate
@@ -38,31 +41,7 @@ class Gain:
     held_out: Array
     coefficients: Array
     overlap: float
-    distance: float
-
-
-class Ground:
-    """The used rows of all folds and joints with their base regressor, gathered once for one linearisation.
-
-    base: the design without effects. x: a fold, a joint, (m, p_0).
-    """
-
-    def __init__(self, prepared: Prepared, base: Design):
-        self.prepared, self.folds, self.joints = prepared, prepared.folds, prepared.joints
-        self.parameters = base.parameters
-        self.used = [
-            [np.flatnonzero(prepared.runs[run].used[part, j]) + part.start for j in range(self.joints)]
-            for run, part in prepared.folds
-        ]
-        self.x = self.all(base.columns)
-
-    def of(self, runs: Sequence[Array], fold: int, joint: int) -> Array:
-        """Used rows of arrays (M, n, ...), one a run."""
-        return runs[self.folds[fold][0]][self.used[fold][joint], joint]
-
-    def all(self, runs: Sequence[Array]) -> list[list[Array]]:
-        """Used rows of every fold and joint."""
-        return [[self.of(runs, f, j) for j in range(self.joints)] for f in range(len(self.folds))]
+    prior: float
 
 
 class Bank:
@@ -83,7 +62,7 @@ class Bank:
         # Columns that reach a joint, of the used rows of a fold: (m, K_j).
         self.z = [
             [
-                np.concatenate([ground.of(proposals[c].columns, f, j) for c in own], axis=1)
+                np.concatenate([ground.rows_of(proposals[c].columns, f, j) for c in own], axis=1)
                 if own
                 else np.zeros((len(ground.used[f][j]), 0))
                 for j, own in enumerate(reach)
@@ -118,21 +97,17 @@ class Stage:
         folds, n = range(len(ground.folds)), ground.joints
         self.x, self.added = ground.x, [[np.zeros((len(x), 0)) for x in fold] for fold in ground.x]
         if hypothesis.accepted:
-            own = [
-                np.concatenate([c.columns[run] for c in hypothesis.accepted], axis=2)
-                for run in range(len(hypothesis.gap))
-            ]
-            self.added = ground.all(own)
+            self.added = ground.rows([hypothesis.added(run) for run in range(len(ground.gap))])
             self.x = [
                 [np.concatenate([ground.x[f][j], self.added[f][j]], axis=1) for j in range(n)] for f in folds
             ]
-        self.residual, self.held = ground.all(fitted.residual), ground.all(fitted.held_out)
-        self.xx = [[x.T @ x for x in fold] for fold in self.x]
+        self.residual, self.held = ground.rows(fitted.residual), ground.rows(fitted.held_out)
+        self.xx = Normal(hypothesis).xx
         self.xh = [
             [x.T @ h for x, h in zip(*both, strict=True)] for both in zip(self.x, self.held, strict=True)
         ]
-        parts = [sum(self.weights[j] * xx for j, xx in enumerate(fold)) for fold in self.xx]
-        total = sum(parts) + np.diag(hypothesis.precision / fitted.prior_scale)
+        parts = np.einsum("j,fjab->fab", self.weights, self.xx)
+        total = parts.sum(axis=0) + np.diag(scaled_precision(hypothesis, fitted.prior_scale))
         self.whole = _Inverse(total)
         self.apart = [_Inverse(total - part) for part in parts]
         # At the minimum over all folds, the other folds' gradient is minus this fold's own.
@@ -140,13 +115,13 @@ class Stage:
             apart.times(-sum(self.weights[j] * x.T @ self.residual[f][j] for j, x in enumerate(self.x[f])))
             for f, apart in enumerate(self.apart)
         ]
-        self.held_squares = sum(np.array([float(np.sum(part**2)) for part in fold]) for fold in self.held)
-        self.counts = sum(np.array([len(part) for part in fold]) for fold in self.held)
+        self.held_squares: Array = np.sum([[np.sum(part**2) for part in fold] for fold in self.held], axis=0)
+        self.counts: Array = np.sum([[len(part) for part in fold] for fold in self.held], axis=0)
 
     @property
-    def distance(self) -> float:
-        """Squared distance of the parameters from the model's, in units of the prior."""
-        return prior_distance(self.hypothesis, self.fitted)
+    def prior(self) -> float:
+        """Log-prior of the hypothesis's parameters."""
+        return float(log_prior(self.hypothesis, self.fitted.values))
 
     def shares(self, gain: Gain) -> Array:
         """Share of each joint's held-out squared residual that a candidate removes, (n,)."""
@@ -198,11 +173,13 @@ class Stage:
             alive.append(members)
             lower = np.array([bank.candidates[c].member.lower for c in members])
             upper = np.array([bank.candidates[c].member.upper for c in members])
+            free = np.array([bank.candidates[c].is_free for c in members])
+            ridge = FREE_RIDGE * (free[:, None] * size)[:, :, None] * np.eye(k)
             schur = own - _products(total_cross, through, at)
             normed = schur / np.sqrt(size[:, :, None] * size[:, None, :])
             remaining = np.linalg.eigvalsh((normed + normed.transpose(0, 2, 1)) / 2)
             # The hypothesis's own gradient vanishes at its minimum: Z'r alone drives the coefficients.
-            c = _bounded(schur, total_right[at], lower, upper)
+            c = _bounded(schur + ridge, total_right[at], lower, upper)
             coefficients[at] = c
             objective[members] = 2 * np.einsum("ca,ca->c", total_right[at], c)
             objective[members] -= np.einsum("ca,cab,cb->c", c, schur, c)
@@ -211,9 +188,10 @@ class Stage:
                 rest, rest_cross = own - by_fold[:, f], total_cross - cross[f]
                 part = rest - _products(rest_cross, through_apart[f], at)
                 wanted = (total_right - right[f] - rest_cross @ self.shift[f])[at]
-                c = _bounded(part, wanted, lower, upper)
+                c = _bounded(part + ridge, wanted, lower, upper)
                 # A coefficient that the other folds do not reach cannot be predicted from them.
-                c[np.any(np.einsum("caa->ca", rest) <= 1e-9 * size, axis=1)] = 0.0
+                unreached = np.any(np.einsum("caa->ca", rest) <= 1e-9 * size, axis=1)
+                c[unreached & ~free] = 0.0
                 apart[f, at] = c
                 own_held[members, f] = -np.einsum("ca,cjab,cb->cj", c, squares[:, f], c)
         held_out = own_held.sum(axis=1)
@@ -229,7 +207,7 @@ class Stage:
                 held_out[:, j] += np.bincount(owner, 2 * apart[f, at] * meet, minlength=len(bank.candidates))
         values = np.repeat(self.fitted.values[:, None], len(bank.candidates), axis=1)
         np.add.at(values.T, bank.owner, -(through * coefficients).T)
-        distance = self.hypothesis.precision @ values**2
+        prior = log_prior(self.hypothesis, values)
         for index in (int(c) for members in alive for c in members):
             found[index] = Gain(
                 candidate=bank.candidates[index],
@@ -237,7 +215,7 @@ class Stage:
                 held_out=held_out[index],
                 coefficients=coefficients[bank.start[index] : bank.start[index + 1]],
                 overlap=float(overlap[index]),
-                distance=float(distance[index]),
+                prior=float(prior[index]),
             )
         return found
 

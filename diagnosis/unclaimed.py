@@ -1,0 +1,60 @@
+"""Structure that the hypothesis leaves: where a free function of the motion explains what no effect does."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .candidates import FREE
+from .likelihood import weigh
+from .noise import noise_rms
+from .weighing import Bank, Stage
+
+# A free function counts where it removes this share of what is left of the joint's squared residual and this
+# share of its RMS torque ...
+SMALLEST_SHARE, SMALLEST_TORQUE = 0.25, 0.015
+# ... and that is this share of what re-identification left, and of what the effects taken in explain there.
+SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
+
+# What is left counts without any function to follow where it is this share of the joint's RMS torque, and so
+# many times the noise.
+MISFIT_TORQUE, MISFIT_NOISE = 0.1, 6.0
+NOTHING = "nothing that was tried"
+
+
+@dataclass(frozen=True)
+class Unclaimed:
+    """A joint's index, the regime in words, and the share of its gap that follows it."""
+
+    joint: int
+    regime: str
+    share: float
+
+
+def unclaimed(first: Stage, last: Stage, free: Bank) -> tuple[Unclaimed, ...]:
+    """The joints at which a function free of any law explains what the hypothesis does not, largest first.
+
+    first: re-identification alone. last: with all effects taken in. free: candidates of generic.py.
+    """
+    explained = first.held_squares - last.held_squares
+    found: dict[int, Unclaimed] = {}
+    for weighed in weigh(last, free):
+        joint = weighed.candidate.family.joint
+        assert joint is not None
+        more = float(weighed.gain.held_out[joint])
+        removed = np.sqrt(max(more, 0.0) / max(float(last.counts[joint]), 1.0))
+        if last.shares(weighed.gain)[joint] < SMALLEST_SHARE:
+            continue
+        if removed < SMALLEST_TORQUE * last.ground.torque_rms[joint]:
+            continue
+        if more < SHARE_OF_GAP * first.held_squares[joint] or more < SHARE_OF_EXPLAINED * explained[joint]:
+            continue
+        share = more / float(first.held_squares[joint])
+        if joint not in found or share > found[joint].share:
+            regime = weighed.candidate.family.effect.removeprefix(FREE)
+            found[joint] = Unclaimed(joint, regime, share)
+    rms = np.sqrt(last.held_squares / np.maximum(last.counts, 1))
+    unfit = (rms > MISFIT_TORQUE * last.ground.torque_rms) & (rms > MISFIT_NOISE * noise_rms(last.prepared))
+    for joint in np.flatnonzero(unfit & (last.held_squares > 0.5 * first.held_squares)).tolist():
+        share = float(last.held_squares[joint] / first.held_squares[joint])
+        found.setdefault(joint, Unclaimed(joint, NOTHING, min(share, 1.0)))
+    return tuple(sorted(found.values(), key=lambda item: -item.share))
