@@ -87,7 +87,10 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
         before = [a.candidate for a in accepted]
         if material:
             best, rivals, trial = _choose(stage, before, material)
-        elif EVENT not in without and (found := contact(stage, taken)) is not None:
+        elif (
+            EVENT not in [*without, *(e for e, _, _ in taken)]
+            and (found := contact(stage, taken)) is not None
+        ):
             best, rivals = found
             trial = fitted_to(prepared, [*before, best.candidate])
         else:
@@ -98,6 +101,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
             (best.candidate, own),
             *((w.candidate, w.gain.coefficients) for w, p in rivals if p > CONFUSABLE),
         ]
+        somewhere = {a.candidate.family.joint for a in accepted if a.named}
         beyond = all(is_beyond_healthy(sized, base.torque_rms, *each) for each in sizes)
         accepted.append(
             Accepted(
@@ -105,7 +109,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
                 probability=1.0 - sum(p for _, p in rivals),
                 rivals=rivals,
                 share=float(stage.shares(best.gain).max()),
-                named=beyond and (best.candidate.is_event or is_main(original, stage, best.gain)),
+                named=beyond and is_main(original, stage, best.gain, somewhere),
             )
         )
         hypothesis, fitted = trial
@@ -118,9 +122,9 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
             hypothesis, fitted = fitted_to(prepared, [a.candidate for a in accepted])
     accepted, hypothesis, fitted = _pruned(base, accepted, hypothesis, fitted)
     unknown = unclaimed(original, Stage(base, hypothesis, fitted), free)
-    somewhere = {item.joint for item in unknown}
+    misfit = {item.joint for item in unknown}
     # What is named beside a larger misfit of the same joint only imitates a part of it.
-    accepted = [replace(a, named=a.named and a.candidate.family.joint not in somewhere) for a in accepted]
+    accepted = [replace(a, named=a.named and a.candidate.family.joint not in misfit) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed))
 
 

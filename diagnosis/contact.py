@@ -4,17 +4,22 @@ from collections.abc import Collection
 
 import numpy as np
 
-from .candidates import EVENT, Place, candidates
+from testbench.effects import effect
+
+from .candidates import EVENT, Place, candidate
 from .evidence import fitted_to, squares
-from .likelihood import INDEPENDENT, Weighed, odds, weigh
+from .likelihood import INDEPENDENT, Weighed, odds
 from .weighing import Bank, Stage
 
 # Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
 # residual; named where it explains as much.
 BURST_TIME, BURST, BURST_SHARE, SMALLEST_SHARE = 0.1, 20, 0.5, 0.4
+# And what it holds is this share of the joint's RMS torque over all the time.
+BURST_TORQUE = 0.01
 # Log-likelihood that a push must add beyond the price of its coefficients.
 SMALLEST_GAIN = 7.5
-RIVALS = 3
+# Members that are fitted in full.
+TRIALS = 8
 
 
 def contact(
@@ -25,31 +30,37 @@ def contact(
     An event cannot be predicted from other runs, so it is judged where it was seen, and pays for its
     coefficients instead (Akaike).
     """
-    if not _in_bursts(stage):
+    burst = _in_bursts(stage)
+    if not burst:
         return None
-    pushes = candidates(stage.prepared, (), (EVENT,))
-    likeliest = sorted(
-        (w for w in weigh(stage, Bank(stage.ground, pushes)) if w.candidate.place not in taken),
-        key=lambda w: -w.gain.objective,
-    )[: RIVALS + 1]
+    # A force loads the joints before its link and not those after it, though perhaps with no arm on the last.
+    links = range(burst[-1], min(burst[-1] + 2, stage.prepared.joints))
+    logged = [run.logged for run in stage.prepared.runs]
+    families = [effect(EVENT).signature(logged, link, None) for link in links]
+    bank = Bank(
+        stage.ground, [candidate(stage.prepared, f, member) for f in families for member in f.members]
+    )
+    gains = [g for g in stage.gains(bank) if g is not None and g.candidate.place not in taken]
     before = squares(stage.fitted.residual)
-    worth, shares = [], []
-    for weighed in likeliest:
-        _, trial = fitted_to(stage.prepared, [*stage.hypothesis.accepted, weighed.candidate])
+    likeliest: dict[Place, tuple[float, Weighed]] = {}
+    for gain in sorted(gains, key=lambda g: -g.objective)[:TRIALS]:
+        _, trial = fitted_to(stage.prepared, [*stage.hypothesis.accepted, gain.candidate])
         left = squares(trial.residual) / np.maximum(before, 1e-300)
-        gained = -0.5 * INDEPENDENT * float(np.sum(stage.counts * np.log(np.maximum(left, 1e-300))))
-        worth.append(gained - weighed.candidate.count)
-        shares.append(float(np.max(1 - left)))
-    if not worth or max(worth) < SMALLEST_GAIN or shares[int(np.argmax(worth))] < SMALLEST_SHARE:
+        fits = -0.5 * INDEPENDENT * float(np.sum(stage.counts * np.log(np.maximum(left, 1e-300))))
+        worth = fits - gain.candidate.count
+        known = likeliest.get(gain.candidate.place)
+        if np.max(1 - left) > SMALLEST_SHARE and (known is None or worth > known[0]):
+            likeliest[gain.candidate.place] = worth, Weighed(gain, worth)
+    ordered = sorted((weighed for _, weighed in likeliest.values()), key=lambda w: -w.score)
+    if not ordered or ordered[0].score < SMALLEST_GAIN:
         return None
-    order = np.argsort(-np.array(worth), kind="stable")
-    probability = odds([worth[i] for i in order])
-    rivals = tuple((likeliest[i], float(p)) for i, p in zip(order[1:], probability[1:], strict=True))
-    return likeliest[order[0]], rivals
+    probability = odds([weighed.score for weighed in ordered])
+    return ordered[0], tuple((w, float(p)) for w, p in zip(ordered[1:], probability[1:], strict=True))
 
 
-def _in_bursts(stage: Stage) -> bool:
-    """Whether a small part of the time holds most of some joint's residual."""
+def _in_bursts(stage: Stage) -> list[int]:
+    """The joints at which a small part of the time holds most of the residual, and no small one."""
+    found = []
     for joint in range(stage.prepared.joints):
         blocks = [
             float(np.mean(run[first : first + BURST, joint] ** 2))
@@ -57,6 +68,8 @@ def _in_bursts(stage: Stage) -> bool:
             for first in range(0, len(run) - BURST, BURST)
         ]
         largest = np.sort(blocks)[::-1]
-        if largest[: max(round(BURST_TIME * len(blocks)), 1)].sum() > BURST_SHARE * largest.sum():
-            return True
-    return False
+        burst = largest[: max(round(BURST_TIME * len(blocks)), 1)].sum()
+        enough = (BURST_TORQUE * stage.ground.torque_rms[joint]) ** 2 * len(blocks)
+        if burst > BURST_SHARE * largest.sum() and burst > enough:
+            found.append(joint)
+    return found

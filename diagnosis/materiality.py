@@ -5,7 +5,7 @@ where re-identification swallows it, when it spares the parameters a shift that 
 named when it is also larger than what every healthy robot has.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +37,7 @@ SATURATION, SATURATION_SHARE = "torque_saturation", 0.6
 SMALLEST_ELSEWHERE = 7.5
 # Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
 # because its law is not quite the robot's is less.
-NAMED_SHARE = 0.05
+NAMED_SHARE, SECOND_SHARE = 0.05, 0.2
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 HEALTHY: Mapping[str, float] = {"asymmetric_friction": 2.0, "torque_delay": 12.0}
@@ -89,10 +89,17 @@ def stands_out(weighed: Weighed, others: Sequence[Weighed]) -> bool:
     return max(rivals, default=0.0) < STANDING_OUT * weighed.score
 
 
-def is_main(first: Stage, stage: Stage, gain: Gain) -> bool:
-    """Whether it explains a fair part of what re-identification left, at the first stage, of some joint."""
+def is_main(first: Stage, stage: Stage, gain: Gain, named: Collection[int | None]) -> bool:
+    """Whether it explains a fair part of what re-identification left of some joint, at the first stage.
+
+    named: joints at which an effect has been named already. What a law that is not quite the robot's leaves
+    is at the same joint, and a good part of it can be imitated: a second effect there must explain more.
+    """
+    family = gain.candidate.family
     shares = gain.held_out / np.maximum(first.held_squares, 1e-300)
-    if gain.candidate.family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
+    if family.joint is not None and family.joint in named:
+        return bool(shares[family.joint] > SECOND_SHARE)
+    if gain.candidate.is_event or family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
     return bool(np.any(shares > NAMED_SHARE))
 

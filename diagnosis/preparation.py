@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +16,15 @@ from identification.parameters import PER_JOINT
 from identification.regressor import regressor
 from testbench.effects.logged import Logged, body_in_link
 from testbench.identify import motion
-from testbench.log import Recording
+from testbench.log import CHANNELS, Recording
 from testbench.robot import Robot
 
 from .decimation import DecimatingFilter, decimating_filter
 
 Array = NDArray[np.float64]
 
+# Hz; logs are not looked at faster.
+FAST = 1000.0
 # The band in which gaps are sought, and how slow a joint must be for its friction's sign to be unknown.
 CUTOFF = 20.0
 DEAD_ZONE = 0.02
@@ -104,7 +107,25 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     return Prepared(robot, runs, folds)
 
 
+def thinned(recording: Recording) -> Recording:
+    """A fast log as means of neighbouring samples, at about FAST Hz; the band in question is far below."""
+    count = round(recording.sample_rate / FAST)
+    if count < 2:
+        return recording
+
+    def means(samples: Array) -> Array:
+        whole = len(samples) // count * count
+        return samples[:whole].reshape(-1, count, *samples.shape[1:]).mean(axis=1)
+
+    channels: dict[str, Any] = {"time": means(recording.time)}
+    for _, field, _, _ in CHANNELS:
+        values = getattr(recording, field)
+        channels[field] = None if values is None else means(values)
+    return replace(recording, sample_rate=recording.sample_rate / count, **channels)
+
+
 def _run(robot: Robot, name: str, recording: Recording) -> Run:
+    recording = thinned(recording)
     raw = motion(recording)
     rate = raw.sample_rate
     cutoff = filter_cutoff(rate)
