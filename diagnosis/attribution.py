@@ -23,6 +23,7 @@ from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, log_likelihood, odds, weigh
 from .materiality import is_beyond_healthy, is_main, is_material, is_plausible, stands_out, with_friction
+from .observability import not_observable
 from .preparation import Prepared
 from .unclaimed import Unclaimed, unclaimed
 from .weighing import Bank, Stage
@@ -54,7 +55,11 @@ class Accepted:
 
 @dataclass(frozen=True)
 class Attribution:
-    """The hypothesis found. unknown: structure that no effect explains. last_stage: what was not taken in."""
+    """The hypothesis found.
+
+    unknown: structure that no effect explains. last_stage: what was not taken in. hidden: effects that would
+    not show in these runs.
+    """
 
     prepared: Prepared
     accepted: tuple[Accepted, ...]
@@ -63,6 +68,7 @@ class Attribution:
     parameters_only: tuple[Design, Fit]
     unknown: tuple[Unclaimed, ...]
     last_stage: tuple[Weighed, ...]
+    hidden: tuple[tuple[str, int | None], ...]
 
 
 def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
@@ -76,6 +82,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     base = ground(prepared)
     proposals, free = (Bank(base, c) for c in (candidates(prepared, early), generic_candidates(prepared)))
     original = Stage(base, hypothesis, fitted)
+    hidden = not_observable(sized, base.torque_rms, weigh(original, proposals))
     accepted: list[Accepted] = []
     weighed: list[Weighed] = []
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
@@ -125,7 +132,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     misfit = {item.joint for item in unknown}
     # What is named beside a larger misfit of the same joint only imitates a part of it.
     accepted = [replace(a, named=a.named and a.candidate.family.joint not in misfit) for a in accepted]
-    return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed))
+    return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 
 def linearised(prepared: Prepared, hypothesis: Design, fitted: Fit) -> Prepared:

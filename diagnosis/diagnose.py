@@ -11,6 +11,7 @@ from testbench.robot import Robot
 from .attribution import CONFUSABLE, Accepted, Attribution, attribute, standard_values
 from .evidence import Design
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate
+from .intervals import rms_interval
 from .localisation import where
 from .noise import noise_rms
 from .preparation import Prepared, prepare
@@ -53,6 +54,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         final=(hypothesis, fitted),
         parameters=standard_values(prepared, fitted),
         timing=float(fitted.values[hypothesis.parameters - 1]),
+        not_observable=found.hidden,
         notes=tuple(_unclaimed_in_words(robot, item) for item in found.unknown),
     )
 
@@ -69,7 +71,9 @@ def _gap(found: Attribution) -> Gap:
     parameters = _rms(first_fit.held_out, first)
     effects = _rms(found.fitted.held_out, found.hypothesis)
     floor = np.minimum(noise_rms(found.prepared), np.minimum(effects, parameters))
-    return Gap(_rms(nominal, first), parameters, effects, floor)
+    runs = (nominal, first_fit.held_out, found.fitted.held_out)
+    intervals = np.array([rms_interval(found.prepared, residual) for residual in runs])
+    return Gap(_rms(nominal, first), parameters, effects, floor, intervals)
 
 
 def _verdict(found: Attribution, gap: Gap) -> str:
@@ -124,9 +128,15 @@ def _ranked(found: Attribution) -> tuple[RankedCandidate, ...]:
     ranked = []
     for accepted in found.accepted:
         family = accepted.candidate.family
+        small = "" if accepted.named else "fitted, but no more than healthy robots have or a law's rest"
         ranked.append(
             RankedCandidate(
-                family.effect, family.joint, family.into, float(accepted.probability), accepted.share
+                effect=family.effect,
+                joint=family.joint,
+                into=family.into,
+                probability=float(accepted.probability) if accepted.named else 0.0,
+                score=accepted.share,
+                reason=small,
             )
         )
         for rival, probability in accepted.rivals:

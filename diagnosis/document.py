@@ -103,12 +103,21 @@ def diagnosis_document(
             "effects": _numbers(gap.effects),
             "noise_floor": _numbers(gap.noise_floor),
             "closed": _number(gap.closed),
+            "intervals": None if gap.intervals is None else _intervals(gap.intervals),
         },
         "forward": None if forward is None else _forward(forward),
         "next_experiment": None if next_experiment is None else _experiment(next_experiment),
         "not_in_mjcf": list(not_in_mjcf),
         "notes": list(diagnosis.notes),
         "correction": correction_document(corrected_model(diagnosis)),
+    }
+
+
+def _intervals(intervals: Any) -> dict[str, Any]:
+    """90 % bounds, a pair a joint."""
+    stages = ("nominal", "parameters", "effects")
+    return {
+        stage: [_numbers(pair) for pair in bounds.T] for stage, bounds in zip(stages, intervals, strict=True)
     }
 
 

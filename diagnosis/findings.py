@@ -63,13 +63,14 @@ class Share:
 class Gap:
     """RMS torque error a joint, (n,) N·m, on runs left out: as given, re-identified, with the effects.
 
-    noise_floor: what noise alone would leave. interval_*: (2, n) confidence bounds of the three.
+    noise_floor: what noise alone would leave. intervals: (3, 2, n) 90 % of the first three, or None.
     """
 
     nominal: Array
     parameters: Array
     effects: Array
     noise_floor: Array
+    intervals: Array | None = None
 
     @property
     def closed(self) -> float | None:

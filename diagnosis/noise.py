@@ -1,7 +1,7 @@
 """What sensor noise alone leaves of a torque residual, from the logs themselves.
 
 Where the reference repeats, what differs between repetitions is noise and what repeats is misfit.
-Elsewhere the noise is taken as white below the band in which it is seen alone, which is a lower bound.
+Elsewhere the spectrum of the noise, where it is seen alone, is continued into the band of the motion.
 """
 
 import numpy as np
@@ -14,8 +14,10 @@ Array = NDArray[np.float64]
 
 # Repetition is exact in a reference that a controller follows; logs may have rounded it.
 REPEATS = 1e-9
-# The band in which only noise is left, in multiples of the low-pass.
-QUIET_BAND = (3.0, 8.0)
+# Where only noise is left: above this multiple of the low-pass, below this share of the sample rate.
+QUIET, HIGHEST, FEWEST = 1.5, 0.45, 8
+# Hz, the lowest corner of a drive's noise, and how many are tried.
+CORNER, CORNERS = 5.0, 40
 
 
 def noise_rms(prepared: Prepared) -> Array:
@@ -64,12 +66,28 @@ def _period(reference: Array) -> int | None:
 
 
 def _quiet_band(run: Run) -> Array:
-    """Mean square (n,) of white noise as dense as the torque's spectrum is in the quiet band."""
-    rate = run.logged.sample_rate
-    band_top = run.logged.cutoff / 2
-    low, high = (min(m * band_top, share * rate) for m, share in zip(QUIET_BAND, (0.3, 0.45), strict=True))
-    frequency, density = signal.welch(run.logged.tau, rate, nperseg=min(1024, len(run.logged.tau)), axis=0)
-    quiet = (frequency >= low) & (frequency <= high)
-    level = np.median(density[quiet], axis=0) if quiet.any() else density[-1]
-    # Noise of this density, through the taps: variance = density * rate / 2 * sum taps².
-    return level * rate / 2 * float(np.sum(run.filter.taps**2))
+    """Mean square (n,) of the noise below the cut-off, from how the residual's spectrum falls beyond it.
+
+    A first-order spectrum s / (1 + (f / f_c)²) is fitted to the logarithm of the density between the motion's
+    band and the top of what was recorded, and continued downwards: sensor noise of drives is coloured.
+    """
+    rate, band_top = run.logged.sample_rate, run.logged.cutoff / 2
+    # Reversals of friction are broadband but rare: the median over segments is not moved by them.
+    length = min(512, len(run.logged.residual))
+    frequency, density = signal.welch(run.logged.residual, rate, nperseg=length, axis=0, average="median")
+    seen = (frequency >= QUIET * band_top) & (frequency <= HIGHEST * rate)
+    if seen.sum() < FEWEST:
+        return density[-1] * rate / 2 * float(np.sum(run.filter.taps**2))
+    # What the filter lets pass of a density at each frequency.
+    passed = np.abs(np.fft.rfft(run.filter.taps, 2 * (len(frequency) - 1))) ** 2
+    step = frequency[1] - frequency[0]
+    found = np.empty(density.shape[1])
+    for joint, own in enumerate(np.log(np.maximum(density[seen], 1e-300)).T):
+        shapes = [-np.log1p((frequency / corner) ** 2) for corner in np.geomspace(CORNER, rate, CORNERS)]
+        levels = [np.median(own - shape[seen]) for shape in shapes]
+        misfit = [
+            np.sum(np.abs(own - shape[seen] - level)) for shape, level in zip(shapes, levels, strict=True)
+        ]
+        best = int(np.argmin(misfit))
+        found[joint] = np.sum(np.exp(levels[best] + shapes[best]) * passed) * step
+    return found

@@ -17,7 +17,7 @@ SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
 
 # What is left counts without any function to follow where it is this share of the joint's RMS torque, and so
 # many times the noise.
-MISFIT_TORQUE, MISFIT_NOISE = 0.1, 6.0
+MISFIT_TORQUE, MISFIT_NOISE = 0.1, 3.0
 NOTHING = "nothing that was tried"
 
 

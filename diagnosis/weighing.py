@@ -33,7 +33,7 @@ class Gain:
     objective: drop of the objective, chi-squared units. held_out: (n,) drop of the held-out squared
     residual of each joint, N²·m². coefficients: (k,). overlap: the largest share of any of the
     candidate's directions that the hypothesis already spans. prior: log-prior of the parameters once the
-    candidate is in.
+    candidate is in. information: (k, k) what the runs tell of the coefficients.
     """
 
     candidate: Candidate
@@ -42,6 +42,7 @@ class Gain:
     coefficients: Array
     overlap: float
     prior: float
+    information: Array
 
 
 class Bank:
@@ -154,6 +155,7 @@ class Stage:
         through_apart = [self.apart[f].times((total_cross - cross[f]).T) for f in folds]
         found: list[Gain | None] = [None] * len(bank.candidates)
         coefficients = np.zeros(columns)
+        information: dict[int, Array] = {}
         objective, overlap = np.zeros(len(bank.candidates)), np.zeros(len(bank.candidates))
         apart = np.zeros((len(self.x), columns))
         own_held = np.zeros((len(bank.candidates), len(self.x), n))
@@ -184,6 +186,7 @@ class Stage:
             objective[members] = 2 * np.einsum("ca,ca->c", total_right[at], c)
             objective[members] -= np.einsum("ca,cab,cb->c", c, schur, c)
             overlap[members] = 1 - remaining[:, 0]
+            information.update(zip(members.tolist(), schur, strict=True))
             for f in folds:
                 rest, rest_cross = own - by_fold[:, f], total_cross - cross[f]
                 part = rest - _products(rest_cross, through_apart[f], at)
@@ -216,6 +219,7 @@ class Stage:
                 coefficients=coefficients[bank.start[index] : bank.start[index + 1]],
                 overlap=float(overlap[index]),
                 prior=float(prior[index]),
+                information=information[index],
             )
         return found
 

@@ -122,9 +122,13 @@ def gap_by_joint(diagnosis: Diagnosis) -> go.Figure:
     """RMS torque error a joint at each stage, over the noise floor of that joint, log scale."""
     gap, names = diagnosis.gap, list(diagnosis.robot.joint_names)
     figure = go.Figure(layout={"template": TEMPLATE, "height": 330, "barmode": "group"})
-    for stage in STAGES:
+    for index, stage in enumerate(STAGES):
+        rms, error = getattr(gap, stage), None
+        if gap.intervals is not None:
+            low, high = gap.intervals[index]
+            error = {"array": high - rms, "arrayminus": rms - low, "thickness": 1, "width": 3}
         figure.add_bar(
-            x=names, y=getattr(gap, stage), name=STAGE_NAMES[stage], marker_color=STAGE_COLOURS[stage]
+            x=names, y=rms, error_y=error, name=STAGE_NAMES[stage], marker_color=STAGE_COLOURS[stage]
         )
     marker = {"symbol": "line-ew", "size": 30, "line": {"width": 2.5, "color": FLOOR}}
     figure.add_scatter(x=names, y=gap.noise_floor, mode="markers", name="noise floor", marker=marker)
