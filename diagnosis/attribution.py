@@ -96,7 +96,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
             best, rivals, trial = _choose(stage, before, material)
         elif (
             EVENT not in [*without, *(e for e, _, _ in taken)]
-            and (found := contact(stage, taken)) is not None
+            and (found := contact(stage, taken, free)) is not None
         ):
             best, rivals = found
             trial = fitted_to(prepared, [*before, best.candidate])

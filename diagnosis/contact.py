@@ -6,16 +6,19 @@ import numpy as np
 
 from testbench.effects import effect
 
-from .candidates import EVENT, Place, candidate
+from .candidates import EVENT, FREE, Place, candidate
 from .evidence import fitted_to, squares
+from .generic import RUN_TIME
 from .likelihood import INDEPENDENT, Weighed, odds
 from .weighing import Bank, Stage
 
 # Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
 # residual; named where it explains as much.
-BURST_TIME, BURST, BURST_SHARE, SMALLEST_SHARE = 0.1, 20, 0.5, 0.4
+BURST_TIME, BURST, BURST_SHARE, SMALLEST_SHARE = 0.1, 20, 0.5, 0.6
 # And what it holds is this share of the joint's RMS torque over all the time.
 BURST_TORQUE = 0.01
+# Share of the joint's squared residual from which a function of the motion is the cause.
+FORETOLD = 0.15
 # Log-likelihood that a push must add beyond the price of its coefficients.
 SMALLEST_GAIN = 7.5
 # Members that are fitted in full.
@@ -23,14 +26,15 @@ TRIALS = 8
 
 
 def contact(
-    stage: Stage, taken: Collection[Place]
+    stage: Stage, taken: Collection[Place], free: Bank
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...]] | None:
     """The link that was pushed, its rivals with their probabilities; None where nothing looks like a push.
 
     An event cannot be predicted from other runs, so it is judged where it was seen, and pays for its
-    coefficients instead (Akaike).
+    coefficients instead (Akaike). free: candidates of generic.py; a joint whose residual one of them foretells
+    was not pushed.
     """
-    burst = _in_bursts(stage)
+    burst = [joint for joint in _in_bursts(stage) if joint not in _foretold(stage, free)]
     if not burst:
         return None
     # A force loads the joints before its link and not those after it, though perhaps with no arm on the last.
@@ -56,6 +60,18 @@ def contact(
         return None
     probability = odds([weighed.score for weighed in ordered])
     return ordered[0], tuple((w, float(p)) for w, p in zip(ordered[1:], probability[1:], strict=True))
+
+
+def _foretold(stage: Stage, free: Bank) -> set[int]:
+    """The joints at which a free function of the motion, and not of the time alone, predicts other runs."""
+    found = set()
+    for gain in stage.gains(free):
+        if gain is None or gain.candidate.family.effect == FREE + RUN_TIME:
+            continue
+        joint = gain.candidate.family.joint
+        if joint is not None and stage.shares(gain)[joint] > FORETOLD:
+            found.add(joint)
+    return found
 
 
 def _in_bursts(stage: Stage) -> list[int]:

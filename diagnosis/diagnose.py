@@ -38,7 +38,6 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     prepared = found.prepared
     gap = _gap(found)
     effects = tuple(_named(found, index) for index, item in enumerate(found.accepted) if item.named)
-    effects = tuple(sorted(effects, key=lambda e: -e.held_out_share))
     verdict = _verdict(found, gap)
     hypothesis, fitted = found.hypothesis, found.fitted
     return Diagnosis(

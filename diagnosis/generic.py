@@ -17,7 +17,8 @@ from .preparation import Prepared
 
 Array = NDArray[np.float64]
 
-REGIMES = ("position", "velocity", "position and direction", "acceleration", "run time", "neighbour's motion")
+RUN_TIME = "run time"
+REGIMES = ("position", "velocity", "position and direction", "acceleration", RUN_TIME, "neighbour's motion")
 
 # Pieces that the range of positions and the length of the runs are divided into.
 POSITIONS, SPANS = 9, 6
@@ -59,14 +60,15 @@ def _columns(run: Logged, joint: int, regime: str, runs: Sequence[Logged]) -> Ar
         jerk = np.gradient(b) * run.sample_rate / np.pi
         friction = [np.sign(v) * f for f in (np.abs(b), b**2, np.minimum(np.abs(b), 0.2))]
         return np.column_stack([b * np.abs(b), jerk, *friction])
-    if regime == "run time":
+    if regime == RUN_TIME:
         spans = _bumps(run.time - run.time[0], [r.time - r.time[0] for r in runs], SPANS)
         return np.column_stack([spans, spans * np.sign(v)[:, None], spans[:, 1:] * s[:, None]])
     found = []
     for k in (joint - 1, joint + 1):
         if 0 <= k < run.joints:
             w = run.dq[:, k] / _largest(r.dq[:, k] for r in runs)
-            found += [w, np.sign(w), w * np.abs(w), w**2, np.sign(v) * np.abs(w), s * w]
+            found += [w, np.sign(w), w * np.abs(w), w**2, np.sign(v) * np.abs(w)]
+            found += [s * w, s**2 * w, s * w**2]
     return np.column_stack(found) if found else np.zeros((run.samples, 0))
 
 
