@@ -31,8 +31,8 @@ def contact(
     """The link that was pushed, its rivals with their probabilities; None where nothing looks like a push.
 
     An event cannot be predicted from other runs, so it is judged where it was seen, and pays for its
-    coefficients instead (Akaike). free: candidates of generic.py; a joint whose residual one of them foretells
-    was not pushed.
+    coefficients instead (Akaike). free: candidates of generic.py; a joint whose residual one of them
+    foretells was not pushed.
     """
     burst = [joint for joint in _in_bursts(stage) if joint not in _foretold(stage, free)]
     if not burst:
