@@ -82,7 +82,6 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     base = ground(prepared)
     proposals, free = (Bank(base, c) for c in (candidates(prepared, early), generic_candidates(prepared)))
     original = Stage(base, hypothesis, fitted)
-    hidden = not_observable(sized, base.torque_rms, weigh(original, proposals))
     accepted: list[Accepted] = []
     weighed: list[Weighed] = []
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
@@ -128,7 +127,11 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
             accepted = [replace(a, candidate=_again(prepared, a.candidate)) for a in accepted]
             hypothesis, fitted = fitted_to(prepared, [a.candidate for a in accepted])
     accepted, hypothesis, fitted = _pruned(base, accepted, hypothesis, fitted)
-    unknown = unclaimed(original, Stage(base, hypothesis, fitted), free)
+    last = Stage(base, hypothesis, fitted)
+    unknown = unclaimed(original, last, free)
+    taken = {item.candidate.place for item in accepted}
+    open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
+    hidden = not_observable(sized, base.torque_rms, open_)
     misfit = {item.joint for item in unknown}
     # What is named beside a larger misfit of the same joint only imitates a part of it.
     accepted = [replace(a, named=a.named and a.candidate.family.joint not in misfit) for a in accepted]

@@ -104,7 +104,7 @@ def _named(found: Attribution, index: int) -> NamedEffect:
         effect=family.effect,
         joint=family.joint,
         into=family.into,
-        probability=accepted.probability * (FIRST_NAMED if _is_first(found, index) else LATER_NAMED),
+        probability=_probability(found, index),
         parameters=family.parameters(member, fitted.values[part], covariance),
         candidate=accepted.candidate,
         confusable_with=tuple(
@@ -118,14 +118,16 @@ def _named(found: Attribution, index: int) -> NamedEffect:
     )
 
 
-def _is_first(found: Attribution, index: int) -> bool:
-    return not any(item.named for item in found.accepted[:index])
+def _probability(found: Attribution, index: int) -> float:
+    """Of an effect taken in: against its rivals, times how often such a name is right."""
+    is_first = not any(item.named for item in found.accepted[:index])
+    return found.accepted[index].probability * (FIRST_NAMED if is_first else LATER_NAMED)
 
 
 def _ranked(found: Attribution) -> tuple[RankedCandidate, ...]:
     """Everything that was weighed, most probable first."""
     ranked = []
-    for accepted in found.accepted:
+    for index, accepted in enumerate(found.accepted):
         family = accepted.candidate.family
         small = "" if accepted.named else "fitted, but no more than healthy robots have or a law's rest"
         ranked.append(
@@ -133,7 +135,7 @@ def _ranked(found: Attribution) -> tuple[RankedCandidate, ...]:
                 effect=family.effect,
                 joint=family.joint,
                 into=family.into,
-                probability=float(accepted.probability) if accepted.named else 0.0,
+                probability=_probability(found, index) if accepted.named else 0.0,
                 score=accepted.share,
                 reason=small,
             )

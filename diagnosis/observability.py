@@ -25,8 +25,9 @@ def not_observable(
 ) -> tuple[tuple[str, int | None], ...]:
     """(effect, joint) of what is below the noise of these runs at the severe end of its typical range.
 
-    weighed: every family's best member at the first stage. torque_scale: (n,) N·m. Only effects whose size is
-    proportional to their coefficients are judged: of the others a small one says nothing about a severe one.
+    weighed: the best member of every family that was not taken in, at the last stage. torque_scale: (n,)
+    N·m. Only effects whose size is proportional to their coefficients are judged: of the others a small one
+    says nothing about a severe one.
     """
     found = []
     for each in weighed:

@@ -9,6 +9,7 @@ from testbench.report.figures import MEASURED, MUTED, PREDICTED, RESIDUAL, TEMPL
 
 from ..findings import Diagnosis, NamedEffect
 from ..forward import STAGES, ForwardGap
+from ..localisation import regime_shares
 from .words import labelled, place, torque_unit
 
 Array = NDArray[np.float64]
@@ -22,25 +23,38 @@ HEAT = [[0.0, "#ffffff"], [0.15, "#fde3c8"], [0.5, "#f08a4b"], [1.0, "#a61e22"]]
 
 
 def where(diagnosis: Diagnosis) -> go.Figure:
-    """Share of the gap by joint and regime, as a heat map with its numbers."""
+    """Share of the gap by joint and regime, as a heat map with its numbers.
+
+    Regimes of speed, direction, load, acceleration and time overlap: each is a part of its joint's own share.
+    """
     names = diagnosis.robot.joint_names
-    regimes = list(dict.fromkeys(each.regime for each in diagnosis.where))
-    shares = np.full((len(names), len(regimes)), np.nan)
-    text = np.full(shares.shape, "", dtype=object)
+    hypothesis, fitted = diagnosis.parameters_only
+    found = regime_shares(hypothesis.prepared, fitted.held_out, hypothesis.used)
+    regimes = list(dict.fromkeys(each.regime for each in found))
+    of_joint = {each.joint: each for each in diagnosis.where}
+    shares = np.full((len(names), 1 + len(regimes)), np.nan)
     hover = np.full(shares.shape, "", dtype=object)
     units = diagnosis.robot.units()
-    for each in diagnosis.where:
-        cell = each.joint, regimes.index(each.regime)
-        shares[cell] = 100 * each.share
-        text[cell] = f"{100 * each.share:.0f} %"
-        hover[cell] = (
-            f"{names[each.joint]}, {each.regime}<br>{100 * each.share:.1f} % of the gap<br>"
-            f"RMS {each.gap_rms:.3g} {units[each.joint]}, noise {each.noise_rms:.3g} {units[each.joint]}"
+    for joint, each in of_joint.items():
+        shares[joint, 0] = 100 * each.share
+        hover[joint, 0] = (
+            f"{names[joint]}<br>{100 * each.share:.1f} % of the gap<br>"
+            f"RMS {each.gap_rms:.3g} {units[joint]}, noise {each.noise_rms:.3g} {units[joint]}"
         )
+    for part in found:
+        if part.joint in of_joint:
+            cell = part.joint, 1 + regimes.index(part.regime)
+            shares[cell] = 100 * of_joint[part.joint].share * part.share
+            hover[cell] = (
+                f"{names[part.joint]}, {part.regime}<br>{100 * part.share:.0f} % of the joint's gap "
+                f"({100 * part.low:.0f} to {100 * part.high:.0f} %)<br>{part.concentration:.2g} times as "
+                f"dense as elsewhere<br>RMS {part.rms:.3g} {units[part.joint]}"
+            )
+    text = np.where(np.isnan(shares), "", np.char.add(np.char.mod("%.0f", np.nan_to_num(shares)), " %"))
     figure = go.Figure(
         go.Heatmap(
             z=shares,
-            x=regimes,
+            x=["all", *(regime.replace(" ", "<br>") for regime in regimes)],
             y=list(names),
             text=text,
             texttemplate="%{text}",
@@ -48,16 +62,16 @@ def where(diagnosis: Diagnosis) -> go.Figure:
             hovertemplate="%{hovertext}<extra></extra>",
             colorscale=HEAT,
             zmin=0,
-            zmax=max(float(np.nanmax(shares)) if len(regimes) else 0.0, 1.0),
+            zmax=max(float(np.nanmax(shares, initial=0.0)), 1.0),
             xgap=2,
             ygap=2,
             showscale=False,
         ),
-        layout={"template": TEMPLATE, "height": 110 + 34 * len(names)},
+        layout={"template": TEMPLATE, "height": 140 + 34 * len(names)},
     )
     figure.update_xaxes(side="top", showgrid=False, showline=False, tickangle=0)
     figure.update_yaxes(autorange="reversed", showgrid=False, showline=False)
-    return figure.update_layout(margin={"l": 90, "r": 16, "t": 48, "b": 12})
+    return figure.update_layout(margin={"l": 90, "r": 16, "t": 78, "b": 12})
 
 
 def evidence(diagnosis: Diagnosis) -> go.Figure:
