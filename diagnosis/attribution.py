@@ -22,10 +22,18 @@ from .evidence import Design, Fit, fitted_to, log_prior, squares
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, log_likelihood, odds, weigh
-from .materiality import is_beyond_healthy, is_main, is_material, is_plausible, stands_out, with_friction
+from .materiality import (
+    SATURATION,
+    is_beyond_healthy,
+    is_main,
+    is_material,
+    is_plausible,
+    stands_out,
+    with_friction,
+)
 from .observability import not_observable
 from .preparation import Prepared
-from .unclaimed import Unclaimed, unclaimed
+from .unclaimed import Unclaimed, foretold_shares, unclaimed
 from .weighing import Bank, Stage
 
 Array = NDArray[np.float64]
@@ -90,6 +98,10 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
         weighed = [w for w in weigh(stage, proposals) if w.candidate.place not in taken]
         weighed = [w for w in weighed if is_plausible(sized, w.candidate, w.gain.coefficients)]
         material = [w for w in weighed if is_material(stage, w.gain) or stands_out(w, weighed)]
+        if any(w.candidate.family.effect == SATURATION for w in material):
+            # What a function of the motion explains better has nothing to do with a limit.
+            foretold = foretold_shares(stage, free)
+            material = [w for w in material if not _is_foretold(stage, w, foretold)]
         before = [a.candidate for a in accepted]
         if material:
             best, rivals, trial = _choose(stage, before, material)
@@ -136,6 +148,13 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     # What is named beside a larger misfit of the same joint only imitates a part of it.
     accepted = [replace(a, named=a.named and a.candidate.family.joint not in misfit) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
+
+
+def _is_foretold(stage: Stage, weighed: Weighed, foretold: Array) -> bool:
+    family = weighed.candidate.family
+    if family.effect != SATURATION or family.joint is None:
+        return False
+    return bool(stage.shares(weighed.gain)[family.joint] < foretold[family.joint])
 
 
 def linearised(prepared: Prepared, hypothesis: Design, fitted: Fit) -> Prepared:

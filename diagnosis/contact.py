@@ -6,10 +6,10 @@ import numpy as np
 
 from testbench.effects import effect
 
-from .candidates import EVENT, FREE, Place, candidate
+from .candidates import EVENT, Place, candidate
 from .evidence import fitted_to, squares
-from .generic import RUN_TIME
 from .likelihood import INDEPENDENT, Weighed, odds
+from .unclaimed import foretold_shares
 from .weighing import Bank, Stage
 
 # Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
@@ -34,11 +34,12 @@ def contact(
     coefficients instead (Akaike). free: candidates of generic.py; a joint whose residual one of them
     foretells was not pushed.
     """
-    burst = [joint for joint in _in_bursts(stage) if joint not in _foretold(stage, free)]
+    foretold = foretold_shares(stage, free)
+    burst = [joint for joint in _in_bursts(stage) if foretold[joint] < FORETOLD]
     if not burst:
         return None
     # A force loads the joints before its link and not those after it, though perhaps with no arm on the last.
-    links = range(burst[-1], min(burst[-1] + 2, stage.prepared.joints))
+    links = sorted({*burst, min(burst[-1] + 1, stage.prepared.joints - 1)})
     logged = [run.logged for run in stage.prepared.runs]
     families = [effect(EVENT).signature(logged, link, None) for link in links]
     bank = Bank(
@@ -60,18 +61,6 @@ def contact(
         return None
     probability = odds([weighed.score for weighed in ordered])
     return ordered[0], tuple((w, float(p)) for w, p in zip(ordered[1:], probability[1:], strict=True))
-
-
-def _foretold(stage: Stage, free: Bank) -> set[int]:
-    """The joints at which a free function of the motion, and not of the time alone, predicts other runs."""
-    found = set()
-    for gain in stage.gains(free):
-        if gain is None or gain.candidate.family.effect == FREE + RUN_TIME:
-            continue
-        joint = gain.candidate.family.joint
-        if joint is not None and stage.shares(gain)[joint] > FORETOLD:
-            found.add(joint)
-    return found
 
 
 def _in_bursts(stage: Stage) -> list[int]:

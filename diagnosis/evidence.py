@@ -26,6 +26,8 @@ RIDGE = 1e-12
 WEIGHT_PASSES = 3
 # Misfit can be coloured without end; a joint must not lose its say altogether over it.
 LARGEST_INFLATION = 10.0
+# Deviation of a push, in units of the strongest joint's RMS torque.
+LARGEST_PUSH = 3.0
 DELAY, NO_TIMING = "torque_delay", 1e-6
 
 
@@ -65,7 +67,10 @@ class Design:
 
 def design(prepared: Prepared, accepted: Sequence[Candidate] = ()) -> Design:
     """The hypothesis that these effects act, and no other."""
-    precision = np.concatenate([ground(prepared).precision, np.zeros(sum(c.count for c in accepted))])
+    # A window in which next to nothing counts must not hold a push without bounds.
+    push = (LARGEST_PUSH * float(ground(prepared).torque_rms.max())) ** -2.0
+    free = [np.full(c.count, push if c.is_event else 0.0) for c in accepted]
+    precision = np.concatenate([ground(prepared).precision, *free])
     if any(c.family.effect == DELAY for c in accepted):
         # A delay that is an effect leaves none to the way the log was taken.
         precision[ground(prepared).parameters - 1] = NO_TIMING**-2

@@ -31,8 +31,8 @@ SMALLEST_SHIFT = 7.5
 HIDDEN_OVERLAP = 0.9
 # Next to an effect that is found by its small trace alone, nothing else may gain this share of it.
 STANDING_OUT = 0.6
-# The samples beyond a limit hold whatever made the torque large; only clipping explains nearly all of it.
-SATURATION, SATURATION_SHARE = "torque_saturation", 0.6
+# The samples beyond a limit hold whatever made the torque large; clipping explains much of it.
+SATURATION, SATURATION_SHARE = "torque_saturation", 0.35
 # What one joint's misfit can imitate is no effect of the whole robot.
 SMALLEST_ELSEWHERE = 7.5
 # Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
@@ -40,7 +40,13 @@ SMALLEST_ELSEWHERE = 7.5
 NAMED_SHARE, SECOND_SHARE = 0.05, 0.2
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
-HEALTHY: Mapping[str, float] = {"asymmetric_friction": 2.0, "torque_delay": 12.0}
+# Small errors of an encoder are what other imperfections of a loaded joint look like.
+HEALTHY: Mapping[str, float] = {
+    "asymmetric_friction": 2.0,
+    "torque_delay": 12.0,
+    "encoder_eccentricity": 500.0,
+    "encoder_offset": 15.0,
+}
 HEALTHY_ELSE = 0.8
 # Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
 LARGEST = 3.0

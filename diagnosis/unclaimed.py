@@ -3,11 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .candidates import FREE
+from .generic import RUN_TIME
 from .likelihood import weigh
 from .noise import noise_rms
 from .weighing import Bank, Stage
+
+Array = NDArray[np.float64]
 
 # A free function counts where it removes this share of what is left of the joint's squared residual and this
 # share of its RMS torque ...
@@ -28,6 +32,18 @@ class Unclaimed:
     joint: int
     regime: str
     share: float
+
+
+def foretold_shares(stage: Stage, free: Bank) -> Array:
+    """Largest share of each joint's held-out squared residual that a function of the motion removes, (n,).
+
+    Functions of the run's time are left out: what happens at an instant is no function of the motion.
+    """
+    found = np.zeros(stage.prepared.joints)
+    for gain in stage.gains(free):
+        if gain is not None and gain.candidate.family.effect != FREE + RUN_TIME:
+            found = np.maximum(found, stage.shares(gain))
+    return found
 
 
 def unclaimed(first: Stage, last: Stage, free: Bank) -> tuple[Unclaimed, ...]:

@@ -166,7 +166,11 @@ class Stage:
             by_fold = np.einsum("j,cfjab->cfab", self.weights, squares)
             own = by_fold.sum(axis=1)
             size = np.einsum("caa->ca", own)
-            live = np.all(size > 0, axis=1)
+            # A window of an event may fall where nothing counts; the others still tell.
+            event = np.array([bank.candidates[c].is_event for c in members])
+            live = np.where(event, np.any(size > 0, axis=1), np.all(size > 0, axis=1))
+            own[:, range(k), range(k)] += size == 0
+            size = np.where(size == 0, 1.0, size)
             members, squares, at, by_fold, own, size = (
                 part[live] for part in (members, squares, at, by_fold, own, size)
             )

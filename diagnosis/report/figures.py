@@ -70,7 +70,7 @@ def where(diagnosis: Diagnosis) -> go.Figure:
         layout={"template": TEMPLATE, "height": 140 + 34 * len(names)},
     )
     figure.update_xaxes(side="top", showgrid=False, showline=False, tickangle=0)
-    figure.update_yaxes(autorange="reversed", showgrid=False, showline=False)
+    figure.update_yaxes(autorange="reversed", automargin=True, showgrid=False, showline=False)
     return figure.update_layout(margin={"l": 90, "r": 16, "t": 78, "b": 12})
 
 
