@@ -1,0 +1,80 @@
+"""Weighing all candidates at once by the Schur complement gives what solving each hypothesis anew gives."""
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from diagnosis.candidates import candidates
+from diagnosis.evidence import fitted_to, scaled_precision
+from diagnosis.ground import ground
+from diagnosis.preparation import prepare
+from diagnosis.weighing import Bank, Stage
+from testbench.effects import parse_injection
+from testbench.robot import load_robot
+
+from .diagnosed import simulated_runs
+from .small_arm import ARM
+
+EFFECTS = ("stribeck_friction", "load_dependent_friction", "encoder_offset", "cable_spring")
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory):
+    path = tmp_path_factory.mktemp("arm") / "arm.xml"
+    path.write_text(ARM)
+    arm = load_robot(path)
+    fault = parse_injection(arm, "stribeck_friction:shoulder:extra=1.2,velocity=0.2")
+    prepared = prepare(arm, simulated_runs(arm, [fault], runs=3))
+    return Stage(ground(prepared), *fitted_to(prepared, []))
+
+
+def solved(stage, candidate, folds):
+    """Coefficients of everything, fitted to some folds with the stage's weights and prior; its objective."""
+    base = stage.ground
+    rows, right = [], []
+    for f in folds:
+        for j in range(base.joints):
+            root = np.sqrt(stage.weights[j])
+            z = base.rows_of(candidate.columns, f, j) if candidate else np.zeros((len(base.y[f][j]), 0))
+            rows.append(root * np.hstack([base.x[f][j], z]))
+            right.append(root * base.y[f][j])
+    count = candidate.count if candidate else 0
+    prior = np.diag(np.sqrt(scaled_precision(stage.hypothesis, stage.fitted.prior_scale)))
+    rows.append(np.hstack([prior, np.zeros((len(prior), count))]))
+    right.append(np.zeros(len(prior)))
+    matrix, target = np.vstack(rows), np.concatenate(right)
+    scale = 1 / np.linalg.norm(matrix, axis=0)
+    free = np.full(len(prior), np.inf)
+    lower = np.concatenate([-free, candidate.member.lower if candidate else []]) / scale
+    upper = np.concatenate([free, candidate.member.upper if candidate else []]) / scale
+    found = lsq_linear(matrix * scale, target, (lower, upper), method="bvls", tol=1e-14)
+    return found.x * scale, 2 * found.cost
+
+
+def held_out(stage, candidate):
+    """Squared residual of each joint, every fold predicted from the others, (n,)."""
+    base = stage.ground
+    total = np.zeros(base.joints)
+    for f in range(len(base.folds)):
+        values, _ = solved(stage, candidate, [other for other in range(len(base.folds)) if other != f])
+        for j in range(base.joints):
+            rows = base.x[f][j]
+            if candidate:
+                rows = np.hstack([rows, base.rows_of(candidate.columns, f, j)])
+            total[j] += np.sum((base.y[f][j] - rows @ values) ** 2)
+    return total
+
+
+def test_gains_are_those_of_solving_each_hypothesis(stage):
+    proposals = [c for c in candidates(stage.prepared, only=EFFECTS) if c.family.joint == 0]
+    gains = stage.gains(Bank(stage.ground, proposals))
+    _, before = solved(stage, None, range(len(stage.ground.folds)))
+    left = held_out(stage, None)
+    assert len(gains) > len(EFFECTS)
+    for gain in gains:
+        assert gain is not None
+        _, after = solved(stage, gain.candidate, range(len(stage.ground.folds)))
+        assert gain.objective == pytest.approx(before - after, rel=1e-3, abs=1e-3 * before)
+        np.testing.assert_allclose(
+            gain.held_out, left - held_out(stage, gain.candidate), rtol=0, atol=2e-3 * left.max()
+        )
