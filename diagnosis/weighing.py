@@ -134,98 +134,118 @@ class Stage:
 
     def gains(self, bank: Bank) -> list[Gain | None]:
         """What each candidate of the bank adds; None where its columns are zero on these runs."""
-        folds, n = range(len(self.x)), self.prepared.joints
-        p, columns = len(self.hypothesis.precision), len(bank.owner)
-        cross, right = np.zeros((len(self.x), columns, p)), np.zeros((len(self.x), columns))
-        with_held: list[list[Array]] = []
-        with_x: list[list[Array]] = []
-        for f in folds:
-            with_held.append([])
-            with_x.append([])
-            for j in range(n):
-                z, at, weight = bank.z[f][j], bank.reached[j], self.weights[j]
-                added = z.T @ self.added[f][j]
-                zx = np.concatenate([bank.zx[f][j], added], axis=1)
-                cross[f, at] += weight * zx
-                right[f, at] += weight * (z.T @ self.residual[f][j])
-                with_x[f].append(zx)
-                with_held[f].append(z.T @ self.held[f][j])
-        total_cross, total_right = cross.sum(axis=0), right.sum(axis=0)
+        sums = self._sums(bank)
+        total_cross, total_right = sums.cross.sum(axis=0), sums.right.sum(axis=0)
         through = self.whole.times(total_cross.T)
-        through_apart = [self.apart[f].times((total_cross - cross[f]).T) for f in folds]
-        found: list[Gain | None] = [None] * len(bank.candidates)
-        coefficients = np.zeros(columns)
-        information: dict[int, Array] = {}
-        objective, overlap = np.zeros(len(bank.candidates)), np.zeros(len(bank.candidates))
-        apart = np.zeros((len(self.x), columns))
-        own_held = np.zeros((len(bank.candidates), len(self.x), n))
-        alive = []
+        through_apart = [a.times((total_cross - c).T) for a, c in zip(self.apart, sums.cross, strict=True)]
+        coefficients, apart = np.zeros(len(bank.owner)), np.zeros(sums.right.shape)
+        own_held = np.zeros((len(bank.candidates), self.prepared.joints))
+        solved: dict[int, tuple[float, float, Array]] = {}
         for members, squares in zip(bank.groups, bank.squares, strict=True):
+            live, size = self._live(bank, members, squares)
+            members, squares, size = members[live], squares[live], size[live]
+            if not len(members):
+                continue
             k = squares.shape[-1]
             at = bank.start[members][:, None] + np.arange(k)
             by_fold = np.einsum("j,cfjab->cfab", self.weights, squares)
             own = by_fold.sum(axis=1)
-            size = np.einsum("caa->ca", own)
-            # A window of an event may fall where nothing counts; the others still tell.
-            event = np.array([bank.candidates[c].is_event for c in members])
-            live = np.where(event, np.any(size > 0, axis=1), np.all(size > 0, axis=1))
-            own[:, range(k), range(k)] += size == 0
-            size = np.where(size == 0, 1.0, size)
-            members, squares, at, by_fold, own, size = (
-                part[live] for part in (members, squares, at, by_fold, own, size)
-            )
-            if not len(members):
-                continue
-            alive.append(members)
-            lower = np.array([bank.candidates[c].member.lower for c in members])
-            upper = np.array([bank.candidates[c].member.upper for c in members])
-            free = np.array([bank.candidates[c].is_free for c in members])
+            own[:, range(k), range(k)] = size
+            chosen = [bank.candidates[c] for c in members]
+            bounds = [np.array([getattr(c.member, side) for c in chosen]) for side in ("lower", "upper")]
+            free = np.array([c.is_free for c in chosen])
             ridge = FREE_RIDGE * (free[:, None] * size)[:, :, None] * np.eye(k)
             schur = own - _products(total_cross, through, at)
             normed = schur / np.sqrt(size[:, :, None] * size[:, None, :])
             remaining = np.linalg.eigvalsh((normed + normed.transpose(0, 2, 1)) / 2)
             # The hypothesis's own gradient vanishes at its minimum: Z'r alone drives the coefficients.
-            c = _bounded(schur + ridge, total_right[at], lower, upper)
-            coefficients[at] = c
-            objective[members] = 2 * np.einsum("ca,ca->c", total_right[at], c)
-            objective[members] -= np.einsum("ca,cab,cb->c", c, schur, c)
-            overlap[members] = 1 - remaining[:, 0]
-            information.update(zip(members.tolist(), schur, strict=True))
-            for f in folds:
-                rest, rest_cross = own - by_fold[:, f], total_cross - cross[f]
-                part = rest - _products(rest_cross, through_apart[f], at)
-                wanted = (total_right - right[f] - rest_cross @ self.shift[f])[at]
-                c = _bounded(part + ridge, wanted, lower, upper)
+            c = coefficients[at] = _bounded(schur + ridge, total_right[at], *bounds)
+            objective = 2 * np.einsum("ca,ca->c", total_right[at], c)
+            objective -= np.einsum("ca,cab,cb->c", c, schur, c)
+            solved.update(
+                zip(members.tolist(), zip(objective, 1 - remaining[:, 0], schur, strict=True), strict=True)
+            )
+            for f, through_rest in enumerate(through_apart):
+                rest, rest_cross = own - by_fold[:, f], total_cross - sums.cross[f]
+                part = rest - _products(rest_cross, through_rest, at)
+                wanted = (total_right - sums.right[f] - rest_cross @ self.shift[f])[at]
+                c = _bounded(part + ridge, wanted, *bounds)
                 # A coefficient that the other folds do not reach cannot be predicted from them.
                 unreached = np.any(np.einsum("caa->ca", rest) <= 1e-9 * size, axis=1)
                 c[unreached & ~free] = 0.0
                 apart[f, at] = c
-                own_held[members, f] = -np.einsum("ca,cjab,cb->cj", c, squares[:, f], c)
-        held_out = own_held.sum(axis=1)
-        for f in folds:
-            moved = np.zeros((p, len(bank.candidates)))
-            np.add.at(moved.T, bank.owner, -(through_apart[f] * apart[f]).T)
-            for j in range(n):
-                held_out[:, j] += 2 * (self.xh[f][j] @ moved)
-                held_out[:, j] -= np.sum(moved * (self.xx[f][j] @ moved), axis=0)
-                at = bank.reached[j]
-                owner = bank.owner[at]
-                meet = with_held[f][j] - np.einsum("kp,pk->k", with_x[f][j], moved[:, owner])
-                held_out[:, j] += np.bincount(owner, 2 * apart[f, at] * meet, minlength=len(bank.candidates))
+                own_held[members] -= np.einsum("ca,cjab,cb->cj", c, squares[:, f], c)
+        held_out = own_held + self._held_out_by_moving(bank, sums, through_apart, apart)
         values = np.repeat(self.fitted.values[:, None], len(bank.candidates), axis=1)
         np.add.at(values.T, bank.owner, -(through * coefficients).T)
         prior = log_prior(self.hypothesis, values)
-        for index in (int(c) for members in alive for c in members):
+        found: list[Gain | None] = [None] * len(bank.candidates)
+        for index, (drop, overlap, information) in solved.items():
             found[index] = Gain(
                 candidate=bank.candidates[index],
-                objective=float(objective[index]),
+                objective=float(drop),
                 held_out=held_out[index],
                 coefficients=coefficients[bank.start[index] : bank.start[index + 1]],
-                overlap=float(overlap[index]),
+                overlap=float(overlap),
                 prior=float(prior[index]),
-                information=information[index],
+                information=information,
             )
         return found
+
+    def _sums(self, bank: Bank) -> "_Sums":
+        folds, n = range(len(self.residual)), self.prepared.joints
+        p, columns = len(self.hypothesis.precision), len(bank.owner)
+        sums = _Sums(np.zeros((len(folds), columns, p)), np.zeros((len(folds), columns)), [], [])
+        for f in folds:
+            with_x = [
+                np.concatenate([bank.zx[f][j], bank.z[f][j].T @ self.added[f][j]], axis=1) for j in range(n)
+            ]
+            sums.with_x.append(with_x)
+            sums.with_held.append([z.T @ h for z, h in zip(bank.z[f], self.held[f], strict=True)])
+            for j, (at, weight) in enumerate(zip(bank.reached, self.weights, strict=True)):
+                sums.cross[f, at] += weight * with_x[j]
+                sums.right[f, at] += weight * (bank.z[f][j].T @ self.residual[f][j])
+        return sums
+
+    def _live(
+        self, bank: Bank, members: NDArray[np.int64], squares: Array
+    ) -> tuple[NDArray[np.bool_], Array]:
+        """Which candidates of a group show at all, and the weighted squares of their columns (C, k)."""
+        size = np.einsum("j,cfjaa->ca", self.weights, squares)
+        # A window of an event may fall where nothing counts; the others still tell.
+        event = np.array([bank.candidates[c].is_event for c in members])
+        live: NDArray[np.bool_] = np.all(size > 0, axis=1) | (event & np.any(size > 0, axis=1))
+        return live, np.where(size == 0, 1.0, size)
+
+    def _held_out_by_moving(
+        self, bank: Bank, sums: "_Sums", through_apart: Sequence[Array], apart: Array
+    ) -> Array:
+        """Drop of the held-out squares (C, n) but for each candidate's own: the parameters move with it."""
+        count = len(bank.candidates)
+        drop = np.zeros((count, self.prepared.joints))
+        for f, through in enumerate(through_apart):
+            moved = np.zeros((len(self.hypothesis.precision), count))
+            np.add.at(moved.T, bank.owner, -(through * apart[f]).T)
+            for j, at in enumerate(bank.reached):
+                owner = bank.owner[at]
+                meet = sums.with_held[f][j] - np.einsum("kp,pk->k", sums.with_x[f][j], moved[:, owner])
+                drop[:, j] += 2 * (self.xh[f][j] @ moved)
+                drop[:, j] -= np.sum(moved * (self.xx[f][j] @ moved), axis=0)
+                drop[:, j] += np.bincount(owner, 2 * apart[f, at] * meet, minlength=count)
+        return drop
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Products of a bank's columns: with the hypothesis's and its residual, weighted, by fold; and by joint.
+
+    cross: (F, K, p). right: (F, K). with_x, with_held: a fold, a joint, (K_j, p) and (K_j,), unweighted.
+    """
+
+    cross: Array
+    right: Array
+    with_x: list[list[Array]]
+    with_held: list[list[Array]]
 
 
 def _products(cross: Array, through: Array, at: NDArray[np.int64]) -> Array:
