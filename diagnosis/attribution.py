@@ -44,6 +44,7 @@ SHORTLIST = 4
 RIVAL_LEFT = 0.5
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
+SPRINGS = {"gravity_spring", "cable_spring"}
 WORLD = ("encoder_offset", "encoder_eccentricity", "payload", "base_tilt", "torque_gain_error")
 
 
@@ -144,10 +145,23 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
     hidden = not_observable(sized, base.torque_rms, open_)
+    unknown = (*unknown, *_two_springs(original, last, accepted))
     misfit = {item.joint for item in unknown}
     # What is named beside a larger misfit of the same joint only imitates a part of it.
     accepted = [replace(a, named=a.named and a.candidate.family.joint not in misfit) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
+
+
+def _two_springs(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints at which it takes both springs of the catalogue: a law of the position that is in no catalogue."""
+    found = []
+    for joint in range(first.prepared.joints):
+        families = [a.candidate.family for a in accepted if a.named]
+        named = {family.effect for family in families if family.joint == joint}
+        if named >= SPRINGS:
+            share = 1 - float(last.held_squares[joint] / max(float(first.held_squares[joint]), 1e-300))
+            found.append(Unclaimed(joint, "position", share))
+    return tuple(found)
 
 
 def _is_foretold(stage: Stage, weighed: Weighed, foretold: Array) -> bool:
