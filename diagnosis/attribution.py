@@ -153,7 +153,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
 
 
 def _two_springs(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
-    """Joints at which it takes both springs of the catalogue: a law of the position that is in no catalogue."""
+    """Joints at which it takes both springs of the catalogue: a law of position that it does not hold."""
     found = []
     for joint in range(first.prepared.joints):
         families = [a.candidate.family for a in accepted if a.named]
