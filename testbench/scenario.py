@@ -168,12 +168,8 @@ class Scenario(_Section):
     comparison: ComparisonSection = ComparisonSection()
 
 
-def load_scenario(path: str | Path) -> tuple[Scenario, dict[str, Scenario]]:
-    """The scenario of a YAML file, and its variants by name.
-
-    Raises InputError naming the file, the field, what was expected and what came.
-    """
-    path = Path(path)
+def read_fields(path: Path) -> dict[str, Any]:
+    """The fields of a YAML file. Raises InputError for anything but a mapping."""
     if not path.is_file():
         raise InputError(path, "scenario", "an existing YAML file", "no such file")
     try:
@@ -182,6 +178,16 @@ def load_scenario(path: str | Path) -> tuple[Scenario, dict[str, Scenario]]:
         raise InputError(path, "scenario", "YAML", " ".join(str(error).split())) from None
     if not isinstance(content, dict):
         raise InputError(path, "scenario", "a mapping of fields", type(content).__name__)
+    return content
+
+
+def load_scenario(path: str | Path) -> tuple[Scenario, dict[str, Scenario]]:
+    """The scenario of a YAML file, and its variants by name.
+
+    Raises InputError naming the file, the field, what was expected and what came.
+    """
+    path = Path(path)
+    content = read_fields(path)
     variants = content.pop("variants", None) or {}
     if not isinstance(variants, dict) or not all(isinstance(v, dict) for v in variants.values()):
         raise InputError(path, "variants", "a mapping of names to fields", repr(variants)[:80])

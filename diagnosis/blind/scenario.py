@@ -3,11 +3,10 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from identification.errors import InputError
-from testbench.scenario import Fraction, Seconds
+from testbench.scenario import Fraction, Seconds, read_fields
 
 # Kind of a case: number of effects of the catalogue that act in it.
 KINDS = {"single": 1, "pair": 2, "triple": 3, "none": 0, "unknown": 0}
@@ -92,14 +91,7 @@ class BlindScenario(_Section):
 def load_blind_scenario(path: str | Path, seed: int | None = None) -> BlindScenario:
     """The scenario of a YAML file, models found from it. seed: instead of the file's. Raises InputError."""
     path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "scenario", "an existing YAML file", "no such file")
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(path, "scenario", "YAML", " ".join(str(error).split())) from None
-    if not isinstance(content, dict):
-        raise InputError(path, "scenario", "a mapping of fields", type(content).__name__)
+    content = read_fields(path)
     try:
         scenario = BlindScenario.model_validate(content)
     except ValidationError as error:

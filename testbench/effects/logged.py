@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 ANGLE_STEP = 1e-5
 # Samples of the load's derivatives in a period of the cut-off.
 SPLINE_SAMPLES = 8
-# The part of the motion above this share of the cut-off is encoder noise once differentiated four times.
-SMOOTH_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -104,23 +102,6 @@ class Logged:
         """Gravity's share of ``load``, (N, n) N·m."""
         still = np.zeros_like(self.q)
         return inverse_dynamics(self.chain, self._links, self.q, still, still)
-
-    @cached_property
-    def smooth(self) -> "Logged":
-        """The same run along a motion that can be differentiated further: reference plus slow tracking error.
-
-        The measured motion is followed below half the cut-off; encoder noise above it is left out, while
-        a reference keeps its own fast content. Without a reference it is the measured motion, low-passed.
-        """
-        cutoff = SMOOTH_SHARE * self.cutoff
-        reference = (self.reference_position, self.reference_velocity, self.reference_acceleration)
-        if any(part is None for part in reference):
-            reference = (None, None, None)
-        motion = []
-        for measured, wanted in zip((self.q, self.dq, self.ddq), reference, strict=True):
-            base = np.zeros_like(measured) if wanted is None else wanted
-            motion.append(base + zero_phase_lowpass(measured - base, self.sample_rate, cutoff))
-        return replace(self, q=motion[0], dq=motion[1], ddq=motion[2])
 
     def load_change(self, joint: int, displacement: Array) -> Array:
         """First-order change of ``load``, (N, n) N·m, where link coordinate ``joint`` is q + displacement.
