@@ -15,25 +15,26 @@ from scipy.optimize import minimize
 
 from identification.parameters import PER_JOINT
 from testbench.effects import effects
+from testbench.robot import Robot
 
-from .candidates import EVENT, Candidate, candidate, candidates
+from .candidates import EVENT, SATURATION, Candidate, candidate, candidates
 from .contact import contact
 from .evidence import Design, Fit, fitted_to, log_prior, squares
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, log_likelihood, odds, weigh
 from .materiality import (
-    SATURATION,
     is_beyond_healthy,
     is_main,
     is_material,
     is_plausible,
-    stands_out,
     with_friction,
 )
 from .observability import not_observable
 from .preparation import Prepared
-from .unclaimed import Unclaimed, foretold_shares, unclaimed
+from .saturation import saturation
+from .swallowed import swallowed
+from .unclaimed import Unclaimed, unclaimed
 from .weighing import Bank, Stage
 
 Array = NDArray[np.float64]
@@ -52,7 +53,8 @@ WORLD = ("encoder_offset", "encoder_eccentricity", "payload", "base_tilt", "torq
 class Accepted:
     """An effect taken in, with the rivals it was preferred to at its stage and their probabilities.
 
-    named: whether it is larger than on any healthy robot.
+    named: whether it is larger than on any healthy robot. is_trace: found by a trace that only shows beside
+    every joint's imperfections.
     """
 
     candidate: Candidate
@@ -60,6 +62,7 @@ class Accepted:
     rivals: tuple[tuple[Weighed, float], ...]
     share: float
     named: bool = True
+    is_trace: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,8 +89,8 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     hypothesis, fitted = fitted_to(prepared, [])
     first = hypothesis, fitted
     sized = with_friction(prepared.robot, standard_values(prepared, fitted))
-    # A push of the surroundings can imitate anything for a while: it is weighed last.
-    early = [*without, EVENT]
+    # A limit and a push of the surroundings are sought in ways of their own.
+    early = [*without, SATURATION, EVENT]
     base = ground(prepared)
     proposals, free = (Bank(base, c) for c in (candidates(prepared, early), generic_candidates(prepared)))
     original = Stage(base, hypothesis, fitted)
@@ -95,43 +98,30 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     weighed: list[Weighed] = []
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
         stage = Stage(base, hypothesis, fitted)
-        taken = {item.candidate.place for item in accepted}
-        weighed = [w for w in weigh(stage, proposals) if w.candidate.place not in taken]
-        weighed = [w for w in weighed if is_plausible(sized, w.candidate, w.gain.coefficients)]
-        material = [w for w in weighed if is_material(stage, w.gain) or stands_out(w, weighed)]
-        if any(w.candidate.family.effect == SATURATION for w in material):
-            # What a function of the motion explains better has nothing to do with a limit.
-            foretold = foretold_shares(stage, free)
-            material = [w for w in material if not _is_foretold(stage, w, foretold)]
-        before = [a.candidate for a in accepted]
-        if material:
-            best, rivals, trial = _choose(stage, before, material)
-        elif (
-            EVENT not in [*without, *(e for e, _, _ in taken)]
-            and (found := contact(stage, taken, free)) is not None
-        ):
-            best, rivals = found
-            trial = fitted_to(prepared, [*before, best.candidate])
-        else:
+        before = [item.candidate for item in accepted]
+        weighed = _open(stage, before, proposals, sized)
+        found = _next(stage, before, weighed, proposals, free, sized, without)
+        if found is None:
             break
-        own = trial[1].values[-best.candidate.count :]
         # Where an imperfection of healthy size would explain it as well, nothing else need be there.
+        best, own = found.best, found.trial[1].values[-found.best.candidate.count :]
         sizes = [
             (best.candidate, own),
-            *((w.candidate, w.gain.coefficients) for w, p in rivals if p > CONFUSABLE),
+            *((w.candidate, w.gain.coefficients) for w, p in found.rivals if p > CONFUSABLE),
         ]
         somewhere = {a.candidate.family.joint for a in accepted if a.named}
         beyond = all(is_beyond_healthy(sized, base.torque_rms, *each) for each in sizes)
         accepted.append(
             Accepted(
                 candidate=best.candidate,
-                probability=1.0 - sum(p for _, p in rivals),
-                rivals=rivals,
+                probability=1.0 - sum(p for _, p in found.rivals),
+                rivals=found.rivals,
                 share=float(stage.shares(best.gain).max()),
                 named=beyond and is_main(original, stage, best.gain, somewhere),
+                is_trace=found.is_trace,
             )
         )
-        hypothesis, fitted = trial
+        hypothesis, fitted = found.trial
         if best.candidate.family.effect in WORLD:
             prepared = linearised(prepared, hypothesis, fitted)
             base = ground(prepared)
@@ -139,17 +129,73 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
             free = Bank(base, generic_candidates(prepared))
             accepted = [replace(a, candidate=_again(prepared, a.candidate)) for a in accepted]
             hypothesis, fitted = fitted_to(prepared, [a.candidate for a in accepted])
+        if found.is_trace:
+            # It was sought last; beside it, any other trace is a rest of it.
+            break
     accepted, hypothesis, fitted = _pruned(base, accepted, hypothesis, fitted)
     last = Stage(base, hypothesis, fitted)
-    unknown = unclaimed(original, last, free)
+    unknown = (*unclaimed(original, last, free), *_two_springs(original, last, accepted))
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
     hidden = not_observable(sized, base.torque_rms, open_)
-    unknown = (*unknown, *_two_springs(original, last, accepted))
     misfit = {item.joint for item in unknown}
     # What is named beside a larger misfit of the same joint only imitates a part of it.
     accepted = [replace(a, named=a.named and a.candidate.family.joint not in misfit) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a round takes in, with its rivals and the hypothesis that has it. is_trace: as of Accepted."""
+
+    best: Weighed
+    rivals: tuple[tuple[Weighed, float], ...]
+    trial: tuple[Design, Fit]
+    is_trace: bool = False
+
+
+def _open(stage: Stage, before: Sequence[Candidate], proposals: Bank, sized: Robot) -> list[Weighed]:
+    """Every effect that may still be taken in, best first."""
+    taken = {each.place for each in before}
+    return [
+        w
+        for w in weigh(stage, proposals)
+        if w.candidate.place not in taken and is_plausible(sized, w.candidate, w.gain.coefficients)
+    ]
+
+
+def _next(
+    stage: Stage,
+    before: Sequence[Candidate],
+    weighed: Sequence[Weighed],
+    proposals: Bank,
+    free: Bank,
+    sized: Robot,
+    without: Sequence[str],
+) -> _Found | None:
+    """What explains most: a material effect or a limit; else a push; else a trace of what is swallowed."""
+    material = [w for w in weighed if is_material(stage, w.gain)]
+    if SATURATION not in without:
+        clipped = saturation(stage, before, free)
+        if clipped is not None and clipped.score > max((w.score for w in material), default=0.0):
+            return _Found(clipped, (), fitted_to(stage.prepared, [*before, clipped.candidate]))
+    if material:
+        return _Found(*_choose(stage, before, material))
+    if EVENT not in without and not any(each.is_event for each in before):
+        pushed = contact(stage, {each.place for each in before}, free)
+        if pushed is not None:
+            return _Found(*pushed, fitted_to(stage.prepared, [*before, pushed[0].candidate]))
+    after, traces = swallowed(stage, before, weighed)
+    traces = [w for w in traces if is_plausible(sized, w.candidate, w.gain.coefficients)]
+    traces = [
+        w
+        for w in traces
+        if is_beyond_healthy(sized, stage.ground.torque_rms, w.candidate, w.gain.coefficients)
+    ]
+    if not traces:
+        return None
+    best, rivals, _ = _choose(after, after.hypothesis.accepted, traces)
+    return _Found(best, rivals, fitted_to(stage.prepared, [*before, best.candidate]), is_trace=True)
 
 
 def _two_springs(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
@@ -162,13 +208,6 @@ def _two_springs(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tup
             share = 1 - float(last.held_squares[joint] / max(float(first.held_squares[joint]), 1e-300))
             found.append(Unclaimed(joint, "position", share))
     return tuple(found)
-
-
-def _is_foretold(stage: Stage, weighed: Weighed, foretold: Array) -> bool:
-    family = weighed.candidate.family
-    if family.effect != SATURATION or family.joint is None:
-        return False
-    return bool(stage.shares(weighed.gain)[family.joint] < foretold[family.joint])
 
 
 def linearised(prepared: Prepared, hypothesis: Design, fitted: Fit) -> Prepared:
@@ -265,7 +304,8 @@ def _pruned(
                     held_out=stage.held_squares - squares(fitted.held_out),
                     prior=float(log_prior(hypothesis, fitted.values)),
                 )
-            keeps = item.candidate.is_event or (gain is not None and is_material(stage, gain))
+            kept = item.candidate.is_event or item.is_trace
+            keeps = kept or (gain is not None and is_material(stage, gain))
             worth.append((keeps, 0.0 if gain is None else gained(stage, gain)))
         weakest = min(range(len(worth)), key=lambda k: (worth[k][0], worth[k][1]))
         if worth[weakest][0]:

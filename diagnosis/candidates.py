@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 Place = tuple[str, int | None, int | None]
 # Something that happens in one run, and tells nothing of another.
 EVENT = "external_contact"
+# Beyond a limit the torque that is regressed on would stand on both sides: it is tried in its own way.
+SATURATION = "torque_saturation"
 # What the effect of a free function of the motion is called before its regime.
 FREE = "unknown: "
 

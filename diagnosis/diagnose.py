@@ -10,7 +10,7 @@ from testbench.robot import Robot
 
 from .attribution import CONFUSABLE, Accepted, Attribution, attribute, standard_values
 from .evidence import Design
-from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate
+from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
 from .intervals import rms_interval
 from .localisation import where
 from .noise import noise_rms
@@ -46,7 +46,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         sentence=_sentence(robot, verdict, effects, found, gap),
         effects=effects if verdict == "effect" else (),
         ranked=_ranked(found),
-        where=where(prepared, found.parameters_only, gap.noise_floor),
+        where=_where(found, gap, verdict),
         gap=gap,
         prepared=prepared,
         parameters_only=found.parameters_only,
@@ -56,6 +56,14 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         not_observable=found.hidden,
         notes=tuple(_unclaimed_in_words(robot, item) for item in found.unknown),
     )
+
+
+def _where(found: Attribution, gap: Gap, verdict: str) -> tuple[Share, ...]:
+    """The joints by their share of the gap; where it has no name, those with such a gap come first."""
+    shares = where(found.prepared, found.parameters_only, gap.noise_floor)
+    misfit = [item.joint for item in found.unknown] if verdict == "unknown" else []
+    order = {joint: place for place, joint in enumerate(dict.fromkeys(misfit))}
+    return tuple(sorted(shares, key=lambda share: order.get(share.joint, len(order))))
 
 
 def _rms(runs: Sequence[Array], hypothesis: Design) -> Array:
@@ -76,15 +84,24 @@ def _gap(found: Attribution) -> Gap:
 
 
 def _verdict(found: Attribution, gap: Gap) -> str:
-    if any(item.named for item in found.accepted):
-        return "effect"
-    if found.unknown:
+    named = any(item.named for item in found.accepted)
+    if found.unknown and not (named and _closes_more(found)):
         return "unknown"
+    if named:
+        return "effect"
     torque = _torque(found.prepared)
     better = (gap.nominal > gap.parameters * (1 + PARAMETERS_SHARE)) & (
         gap.nominal > PARAMETERS_TORQUE * torque
     )
     return "parameters" if np.any(better) else "none"
+
+
+def _closes_more(found: Attribution) -> bool:
+    """Whether the effects explain more than what no effect does, each joint by its own torque."""
+    before = _rms(found.parameters_only[1].held_out, found.parameters_only[0]) / _torque(found.prepared)
+    after = _rms(found.fitted.held_out, found.hypothesis) / _torque(found.prepared)
+    misfit = sum(item.share * before[item.joint] ** 2 for item in found.unknown)
+    return bool(np.sum(before**2 - after**2) > misfit)
 
 
 def _torque(prepared: Prepared) -> Array:

@@ -43,13 +43,17 @@ class Weighed:
 
 def gained(stage: Stage, gain: Gain) -> float:
     """Log-likelihood that a candidate adds to a stage's hypothesis."""
-    held_out = -0.5 * INDEPENDENT * float(np.sum(stage.counts * np.log(1 - stage.shares(gain))))
-    return held_out + gained_by_shift(stage, gain)
+    return float(np.sum(gained_by_joint(stage, gain))) + gained_by_shift(stage, gain)
+
+
+def gained_by_joint(stage: Stage, gain: Gain) -> Array:
+    """The part of it that comes from each joint's prediction, (n,)."""
+    return -0.5 * INDEPENDENT * stage.counts * np.log(1 - stage.shares(gain))
 
 
 def gained_elsewhere(stage: Stage, gain: Gain) -> float:
     """What is left of it without the joint at which the candidate explains most."""
-    by_joint = -0.5 * INDEPENDENT * stage.counts * np.log(1 - stage.shares(gain))
+    by_joint = gained_by_joint(stage, gain)
     return float(by_joint.sum() - by_joint.max()) + gained_by_shift(stage, gain)
 
 

@@ -5,7 +5,7 @@ where re-identification swallows it, when it spares the parameters a shift that 
 named when it is also larger than what every healthy robot has.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from testbench.effects.size import scale_of, typical_range
 from testbench.robot import Robot
 
 from .candidates import Candidate
-from .likelihood import Weighed, gained_by_shift, gained_elsewhere
+from .likelihood import gained_by_shift, gained_elsewhere
 from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]
@@ -29,10 +29,6 @@ SMALLEST_TORQUE = 0.006
 # ... or the log-likelihood of the parameters' shift that it must spare, where it is swallowed by them.
 SMALLEST_SHIFT = 7.5
 HIDDEN_OVERLAP = 0.9
-# Next to an effect that is found by its small trace alone, nothing else may gain this share of it.
-STANDING_OUT = 0.6
-# The samples beyond a limit hold whatever made the torque large; clipping explains much of it.
-SATURATION, SATURATION_SHARE = "torque_saturation", 0.35
 # What one joint's misfit can imitate is no effect of the whole robot.
 SMALLEST_ELSEWHERE = 7.5
 # Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
@@ -46,6 +42,10 @@ HEALTHY: Mapping[str, float] = {
     "torque_delay": 12.0,
     "encoder_eccentricity": 500.0,
     "encoder_offset": 15.0,
+    # Torque constants are known to a few per cent.
+    "torque_gain_error": 1.6,
+    # A limit that clips is one, however far from the drive's rating.
+    "torque_saturation": 0.0,
 }
 HEALTHY_ELSE = 0.8
 # Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
@@ -79,20 +79,7 @@ def is_material(stage: Stage, gain: Gain) -> bool:
     rows = list(gain.candidate.member.rows)
     removed = np.sqrt(np.maximum(gain.held_out, 0) / np.maximum(stage.counts, 1))
     enough = removed > SMALLEST_TORQUE * stage.ground.torque_rms
-    smallest = SATURATION_SHARE if family.effect == SATURATION else SMALLEST_SHARE
-    return bool(np.any(((stage.shares(gain) > smallest) & enough)[rows]))
-
-
-def stands_out(weighed: Weighed, others: Sequence[Weighed]) -> bool:
-    """Whether an effect that re-identification swallows is what is left to explain, and nothing else is.
-
-    Its trace is small, so any misfit would do for one: it must be well above what all other effects gain.
-    """
-    family = weighed.candidate.family
-    if not family.swallowed or weighed.gain.overlap < HIDDEN_OVERLAP or weighed.score < SMALLEST_SHIFT:
-        return False
-    rivals = (w.score for w in others if w.candidate.family.effect != family.effect)
-    return max(rivals, default=0.0) < STANDING_OUT * weighed.score
+    return bool(np.any(((stage.shares(gain) > SMALLEST_SHARE) & enough)[rows]))
 
 
 def is_main(first: Stage, stage: Stage, gain: Gain, named: Collection[int | None]) -> bool:
@@ -103,9 +90,11 @@ def is_main(first: Stage, stage: Stage, gain: Gain, named: Collection[int | None
     """
     family = gain.candidate.family
     shares = gain.held_out / np.maximum(first.held_squares, 1e-300)
+    if gain.candidate.is_event:
+        return True
     if family.joint is not None and family.joint in named:
         return bool(shares[family.joint] > SECOND_SHARE)
-    if gain.candidate.is_event or family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
+    if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
     return bool(np.any(shares > NAMED_SHARE))
 

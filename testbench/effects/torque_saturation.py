@@ -32,7 +32,7 @@ SHARPNESS = 8
 # Shares of the largest torque asked for; above the last one too little is clipped to be seen.
 SHARES = (0.5, 0.6, 0.7, 0.8, 0.87, 0.93, 0.97)
 # The law has no free factor; c only tells how well it holds.
-FACTOR = (0.8, 1.2)
+FACTOR = (0.99, 1.01)
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:

@@ -1,0 +1,193 @@
+"""A drive that gives less than it was asked for: fitted where nothing is clipped, judged where it is.
+
+With a limit L the drive gave clip(asked, ±L). The samples beyond L take no part in the fit, or a small
+limit would explain the torque by itself; they are predicted, once as asked for and once as clipped.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+from scipy.optimize import minimize_scalar
+
+from testbench.effects import effect
+from testbench.effects.signature import Family
+
+from .candidates import SATURATION, Candidate, candidate
+from .evidence import log_prior, scaled_precision, solve
+from .likelihood import INDEPENDENT, Weighed
+from .unclaimed import foretold_shares
+from .weighing import Bank, Gain, Stage
+
+Array = NDArray[np.float64]
+
+# Shares of the samples that may lie beyond the limit, and how many it takes after decimation.
+CLIPPED = (0.002, 0.005, 0.01, 0.02, 0.035, 0.055, 0.08, 0.12, 0.17, 0.23, 0.3)
+FEWEST = 5
+# The filter smears what is cut off over so many cut-off periods to either side.
+REACH_PERIODS = 0.5
+# Of the squared error beyond the limit, the share that clipping must explain, and how much larger what is
+# cut off there is than the error elsewhere, both RMS.
+SMALLEST_SHARE, STANDING_OUT = 0.6, 2.0
+SMALLEST_GAIN = 7.5
+# Not worth a trial where the error does not even rise with what would be cut off.
+SMALLEST_SLOPE = 0.2
+REFINEMENTS = 12
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A joint's limit, the candidate it makes, what it adds to the likelihood, and if it looks like one.
+
+    share: of the joint's squared residual that it removes.
+    """
+
+    joint: int
+    limit: float
+    candidate: Candidate
+    score: float
+    share: float
+    clips: bool
+    values: Array
+    held_squares: Array
+
+
+def saturation(stage: Stage, accepted: Sequence[Candidate], free: Bank) -> Weighed | None:
+    """The joint whose drive clips, at its likeliest limit; None where none does that is not accepted yet.
+
+    free: candidates of generic.py; what one of them explains better has nothing to do with a limit.
+    """
+    logged = [run.logged for run in stage.prepared.runs]
+    known = {each.family.joint for each in accepted if each.family.effect == SATURATION}
+    found: list[_Trial] = []
+    for joint in range(stage.prepared.joints):
+        family = effect(SATURATION).signature(logged, joint, None)
+        if joint in known or not family.members:
+            continue
+        trial = _likeliest(stage, family, joint)
+        if trial is not None and trial.clips and trial.score > SMALLEST_GAIN:
+            found.append(trial)
+    foretold = foretold_shares(stage, free) if found else np.zeros(0)
+    found = [each for each in found if each.share > foretold[each.joint]]
+    if not found:
+        return None
+    best = max(found, key=lambda trial: trial.score)
+    return Weighed(_gain(stage, best), best.score)
+
+
+def _likeliest(stage: Stage, family: Family, joint: int) -> _Trial | None:
+    asked = np.concatenate([np.abs(torque) for torque in asked_torque(stage, joint)])
+    limits = np.quantile(asked, 1 - np.array(CLIPPED))
+    trials = [trial for limit in limits if (trial := _trial(stage, family, joint, float(limit))) is not None]
+    if not trials:
+        return None
+    first = max(range(len(trials)), key=lambda k: trials[k].score)
+    best = trials[first]
+    if best.score <= SMALLEST_GAIN:
+        return None
+    ends = trials[min(first + 1, len(trials) - 1)].limit, trials[max(first - 1, 0)].limit
+    tried: dict[float, _Trial] = {}
+
+    def negative(limit: float) -> float:
+        trial = _trial(stage, family, joint, limit)
+        if trial is None:
+            return 0.0
+        tried[limit] = trial
+        return -trial.score
+
+    if ends[1] > ends[0]:
+        minimize_scalar(negative, bounds=ends, method="bounded", options={"maxiter": REFINEMENTS})
+    return max([best, *tried.values()], key=lambda trial: trial.score)
+
+
+def asked_torque(stage: Stage, joint: int) -> list[Array]:
+    """What the drive was asked for, a run (N,) N·m: the command where it was logged, else the report."""
+    logged = [run.logged for run in stage.prepared.runs]
+    return [(run.tau if run.torque_command is None else run.torque_command)[:, joint] for run in logged]
+
+
+def _trial(stage: Stage, family: Family, joint: int, limit: float) -> _Trial | None:
+    assert family.member is not None
+    ground, weights = stage.ground, stage.weights
+    member = candidate(stage.prepared, family, family.member({"limit": limit}))
+    cut = ground.rows([columns[:, :, 0] for columns in member.columns])
+    beyond = _rows_beyond(stage, joint, limit)
+    count = sum(int(rows.sum()) for rows in beyond)
+    folds, n = range(len(ground.folds)), ground.joints
+    held = [stage.held[f][joint][beyond[f]] @ cut[f][joint][beyond[f]] for f in folds]
+    square = sum(float(np.sum(cut[f][joint][beyond[f]] ** 2)) for f in folds)
+    if count < FEWEST or sum(held) < SMALLEST_SLOPE * square:
+        return None
+    # What a fold's rows say of the parameters, less those beyond the limit.
+    xx, xy = [], []
+    for f in folds:
+        x, y, out = stage.x[f][joint], ground.y[f][joint], beyond[f]
+        rest = np.einsum("j,jab->ab", weights, stage.xx[f]) - weights[joint] * x[out].T @ x[out]
+        right = sum(weights[j] * stage.x[f][j].T @ ground.y[f][j] for j in range(n) if j != joint)
+        xx.append(rest)
+        xy.append(right + weights[joint] * x[~out].T @ (y[~out] - cut[f][joint][~out]))
+    prior = np.diag(scaled_precision(stage.hypothesis, stage.fitted.prior_scale))
+    lower, upper = stage.fitted.bounds
+    values = _solved(sum(xx) + prior, sum(xy), lower, upper)
+    squares = np.zeros(n)
+    asked_for, clipped = np.zeros(len(ground.folds)), np.zeros(len(ground.folds))
+    elsewhere = 0.0
+    for f in folds:
+        own = _solved(sum(xx) - xx[f] + prior, sum(xy) - xy[f], lower, upper)
+        for j in range(n):
+            left = ground.y[f][j] - stage.x[f][j] @ own
+            if j == joint:
+                out = beyond[f]
+                asked_for[f] = np.sum(left[out] ** 2)
+                left = left - cut[f][j]
+                clipped[f] = np.sum(left[out] ** 2)
+                elsewhere += float(np.sum(left[~out] ** 2))
+            squares[j] += float(np.sum(left**2))
+    kept = max(float(stage.counts[joint]) - count, 1.0)
+    likelihood = -0.5 * INDEPENDENT * float(np.sum(stage.counts * np.log(squares / stage.held_squares)))
+    prior_gain = float(log_prior(stage.hypothesis, values)) - stage.prior
+    clips = clipped.sum() < (1 - SMALLEST_SHARE) * asked_for.sum()
+    clips &= square / count > STANDING_OUT**2 * elsewhere / kept
+    # A push makes the torque large once; a drive clips again whenever as much is asked of it.
+    clips &= np.sum(clipped < (1 - SMALLEST_SHARE) * asked_for) > 1
+    return _Trial(
+        joint=joint,
+        limit=limit,
+        candidate=member,
+        score=likelihood + prior_gain,
+        share=float(1 - squares[joint] / stage.held_squares[joint]),
+        clips=bool(clips),
+        values=values,
+        held_squares=squares,
+    )
+
+
+def _solved(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
+    # What only clipped samples reach is left at zero.
+    dead = np.diag(matrix) <= 0
+    matrix[dead, dead] = 1.0
+    return solve(matrix, right, lower, upper)
+
+
+def _rows_beyond(stage: Stage, joint: int, limit: float) -> list[NDArray[np.bool_]]:
+    """The used rows of a joint, fold by fold, that the filter fills from samples beyond the limit."""
+    near = []
+    for run, torque in zip(stage.prepared.runs, asked_torque(stage, joint), strict=True):
+        reach = 2 * round(REACH_PERIODS * run.logged.sample_rate / run.logged.cutoff) + 1
+        near.append(maximum_filter1d(np.abs(torque), reach)[run.kept] > limit)
+    folds, used = stage.ground.folds, stage.ground.used
+    return [near[run][used[f][joint]] for f, (run, _) in enumerate(folds)]
+
+
+def _gain(stage: Stage, trial: _Trial) -> Gain:
+    return Gain(
+        candidate=trial.candidate,
+        objective=float(np.sum(stage.weights * (stage.held_squares - trial.held_squares))),
+        held_out=stage.held_squares - trial.held_squares,
+        coefficients=np.ones(1),
+        overlap=0.0,
+        prior=float(log_prior(stage.hypothesis, trial.values)),
+        information=np.ones((1, 1)),
+    )
