@@ -13,7 +13,7 @@ from testbench.files import replacing
 
 from .correction import corrected_model, correction_document
 from .discrimination import NextExperiment
-from .findings import Diagnosis, NamedEffect
+from .findings import Diagnosis, NamedEffect, RegimeShare
 from .forward import ForwardGap
 
 FORMAT, VERSION = "gap-diagnosis", 1
@@ -92,6 +92,7 @@ def diagnosis_document(
                 "gap_rms": _number(each.gap_rms),
                 "noise_rms": _number(each.noise_rms),
                 "unit": units[each.joint],
+                "regimes": [_regime(part) for part in each.regimes],
             }
             for each in diagnosis.where
         ],
@@ -110,6 +111,19 @@ def diagnosis_document(
         "not_in_mjcf": list(not_in_mjcf),
         "notes": list(diagnosis.notes),
         "correction": correction_document(corrected_model(diagnosis)),
+    }
+
+
+def _regime(part: RegimeShare) -> dict[str, Any]:
+    """One part of a joint's gap; interval: 90 %."""
+    return {
+        "aspect": part.aspect,
+        "regime": part.regime,
+        "share": _number(part.share),
+        "interval": [_number(part.low), _number(part.high)],
+        "expected": _number(part.expected),
+        "rms": _number(part.rms),
+        "cycles": _number(part.cycles),
     }
 
 

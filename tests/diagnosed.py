@@ -6,7 +6,8 @@ import numpy as np
 
 from diagnosis.candidates import Candidate, candidate
 from diagnosis.evidence import design, fit
-from diagnosis.findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
+from diagnosis.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
+from diagnosis.localisation import where
 from diagnosis.preparation import Prepared, prepare
 from identification.excitation.design import DesignOptions, random_excitation
 from identification.parameters import PER_JOINT
@@ -82,18 +83,13 @@ def diagnosed(
         RankedCandidate(name, effects[0].joint if effects else 0, None, 0.02, 12.0 - index, "explains less")
         for index, name in enumerate((*confusable, "torque_saturation", "cable_spring"))
     ]
-    loudest = int(np.argmax(gap.parameters))
     return Diagnosis(
         robot=robot,
         verdict="effect" if effects else "parameters",
         sentence="The simulator lacks " + " and ".join(e.effect for e in effects) if effects else "It fits.",
         effects=tuple(effects),
         ranked=tuple(ranked),
-        where=(
-            Share(loudest, "velocity reversal", 0.7, float(gap.parameters[loudest]), 0.1),
-            Share(loudest, "fast", 0.1, 0.4 * float(gap.parameters[loudest]), 0.1),
-            Share((loudest + 1) % robot.joints, "fast", 0.2, 0.3, 0.1),
-        ),
+        where=where(prepared, (only, only_fit), gap.noise_floor),
         gap=gap,
         prepared=prepared,
         parameters_only=(only, only_fit),

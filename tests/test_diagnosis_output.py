@@ -113,7 +113,12 @@ def test_document_follows_the_contract(folder: Path, answer: Diagnosis) -> None:
     summed = {stage: sum(gap[stage]) for stage in ("parameters", "effects", "noise_floor")}
     closed = (summed["parameters"] - summed["effects"]) / (summed["parameters"] - summed["noise_floor"])
     assert gap["closed"] == pytest.approx(closed, rel=1e-12)
-    assert {"joint", "share", "regime", "gap_rms", "noise_rms", "unit"} == set(document["where"][0])
+    first = document["where"][0]
+    assert {"joint", "share", "regime", "gap_rms", "noise_rms", "unit", "regimes"} == set(first)
+    assert first["joint"] == "lift"
+    for part in first["regimes"]:
+        low, high = part["interval"]
+        assert 0 <= low <= high <= 1
     assert document["not_in_mjcf"] == ["something"]
     assert document["next_experiment"] is None
 

@@ -13,7 +13,7 @@ from testbench.report.page import Tile, page_environment, plot
 from ..discrimination import NextExperiment
 from ..findings import Diagnosis
 from ..forward import ForwardGap
-from . import figures, words
+from . import figures, heat_map, signature, words
 
 
 def write_report(
@@ -54,7 +54,8 @@ def render(
         runs=[run.name for run in diagnosis.prepared.runs],
         sentence=diagnosis.sentence,
         tiles=_tiles(diagnosis),
-        where=plot("where", "", figures.where(diagnosis)) if diagnosis.where else None,
+        where=plot("where", "", heat_map.where(diagnosis)) if diagnosis.where else None,
+        densest=words.where(diagnosis),
         effects=[
             {
                 "name": words.title(each.effect),
@@ -95,8 +96,8 @@ def render(
         signatures=[
             plot(
                 f"signature-{index}",
-                figures.signature_caption(diagnosis, each),
-                figures.signature(diagnosis, each),
+                signature.caption(diagnosis, each),
+                signature.signature(diagnosis, each),
             )
             for index, each in enumerate(diagnosis.effects)
         ],

@@ -35,7 +35,7 @@ from testbench.scene import body_poses, log_floor, log_motion, log_robot, reach
 from ..discrimination import NextExperiment
 from ..findings import Diagnosis
 from . import words
-from .figures import partial_residual
+from .signature import partial_residual
 
 Array = NDArray[np.float64]
 

@@ -26,10 +26,7 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
     robot, gap = diagnosis.robot, diagnosis.gap
     lines = [Text(diagnosis.sentence, style="bold")]
     if diagnosis.where:
-        shares = [
-            f"{100 * w.share:.0f} % {robot.joint_names[w.joint]} {w.regime}" for w in diagnosis.where[:3]
-        ]
-        lines.append(_line("where", "; ".join(shares)))
+        lines.append(_line("where", words.where(diagnosis)))
     for each in diagnosis.effects[:MOST_EFFECTS]:
         label = words.labelled(robot, each.effect, each.joint, each.into)
         lines.append(_line("effect", f"{label}: {100 * each.probability:.0f} %; {words.parameters(each)}"))

@@ -50,6 +50,12 @@ def parameters(named: NamedEffect) -> str:
     )
 
 
+def where(diagnosis: Diagnosis, most: int = 3) -> str:
+    """The joints with the largest shares of the gap, each with the regime it is densest in."""
+    names = diagnosis.robot.joint_names
+    return "; ".join(f"{100 * w.share:.0f} % {names[w.joint]} {w.regime}" for w in diagnosis.where[:most])
+
+
 def torque_unit(robot: Robot) -> str:
     """N·m, N, or both where the robot has hinge and slide joints."""
     units = sorted(set(robot.units()), reverse=True)

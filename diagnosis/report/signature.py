@@ -1,0 +1,135 @@
+"""The law of a named effect over the data that it explains."""
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+from plotly.subplots import make_subplots
+
+from testbench.report.figures import MUTED, PREDICTED, TEMPLATE, envelope, single
+
+from ..findings import Diagnosis, NamedEffect
+from .figures import POINTS, scale
+from .words import labelled, place
+
+Array = NDArray[np.float64]
+
+BINS, FEWEST = 30, 4
+
+
+def signature(diagnosis: Diagnosis, named: NamedEffect) -> go.Figure:
+    """What is left without the effect over velocity, position and time, with the fitted law over it.
+
+    The residual before is the final model's with this effect's own torque put back, so that the points
+    do not depend on what re-identification alone would have swallowed.
+    """
+    joint = _shown_joint(diagnosis, named)
+    robot, runs = diagnosis.robot, diagnosis.prepared.runs
+    law, before = partial_residual(diagnosis, named)
+    used = np.concatenate([run.used[:, joint] for run in runs])
+    # A coupling's friction is on the summed speed of its two joints.
+    moving = [joint] if named.into is None or named.joint is None else [named.joint, named.into]
+    velocity = np.concatenate([run.dq[:, moving].sum(axis=1) for run in runs])[used]
+    position = np.concatenate([run.q[:, joint] for run in runs])[used]
+    left, torque = np.concatenate(before)[:, joint][used], np.concatenate(law)[:, joint][used]
+    slide = robot.chain.is_slide[joint]
+    panels = (
+        (velocity, ("summed " if len(moving) > 1 else "") + "velocity, " + ("m/s" if slide else "rad/s")),
+        (position, "position, " + ("m" if slide else "rad")),
+    )
+    figure = make_subplots(rows=1, cols=3, horizontal_spacing=0.07, column_widths=[0.3, 0.3, 0.4])
+    every = slice(None, None, max(1, len(left) // POINTS))
+    for column, (x, axis) in enumerate(panels, start=1):
+        where = {"row": 1, "col": column}
+        figure.add_scattergl(
+            x=single(x[every]),
+            y=single(left[every]),
+            name="residual before",
+            mode="markers",
+            marker={"size": 3, "color": MUTED, "opacity": 0.55},
+            showlegend=column == 1,
+            **where,
+        )
+        figure.add_scattergl(
+            x=single(x[every]),
+            y=single(torque[every]),
+            name="fitted law",
+            mode="markers",
+            marker={"size": 3, "color": PREDICTED, "opacity": 0.5},
+            showlegend=column == 1,
+            **where,
+        )
+        for y, colour, label in ((left, "#3c4650", "its mean"), (torque, "#c25a00", "the law's mean")):
+            centres, means = binned(x, y)
+            figure.add_scatter(
+                x=single(centres),
+                y=single(means),
+                mode="lines",
+                name=label,
+                line={"color": colour, "width": 2},
+                showlegend=column == 1,
+                **where,
+            )
+        figure.update_xaxes(title=axis, **where)
+    run = int(np.argmax([np.sum(torque[:, joint] ** 2) for torque in law]))
+    shown = runs[run]
+    kept = envelope(POINTS, before[run][:, joint], law[run][:, joint])
+    for values, name, colour, width in (
+        (before[run][:, joint], "residual before", MUTED, 1.4),
+        (law[run][:, joint], "fitted law", PREDICTED, 1.4),
+    ):
+        masked = np.where(shown.used[:, joint], values, np.nan)[kept]
+        figure.add_scatter(
+            x=single(shown.time[kept]),
+            y=single(masked),
+            name=name,
+            mode="lines",
+            line={"color": colour, "width": width},
+            showlegend=False,
+            row=1,
+            col=3,
+        )
+    figure.update_xaxes(title=f"time in {shown.name}, s", row=1, col=3)
+    figure.update_yaxes(title=f"{robot.joint_names[joint]}, {robot.units()[joint]}", row=1, col=1)
+    return figure.update_layout(template=TEMPLATE, height=320, legend_y=1.03)
+
+
+def partial_residual(diagnosis: Diagnosis, named: NamedEffect) -> tuple[list[Array], list[Array]]:
+    """A run each, (M, n) N·m: the effect's fitted torque, and the residual with that torque put back."""
+    hypothesis, fitted = diagnosis.final
+    start = hypothesis.parameters
+    for accepted in hypothesis.accepted:
+        values = fitted.values[start : start + accepted.count]
+        if accepted.place == (named.effect, named.joint, named.into):
+            law = [columns @ values for columns in accepted.columns]
+            return law, [r + torque for r, torque in zip(fitted.residual, law, strict=True)]
+        start += accepted.count
+    raise KeyError(f"{named.effect} is not in the final hypothesis")
+
+
+def caption(diagnosis: Diagnosis, named: NamedEffect) -> str:
+    """What a signature plot shows, in words."""
+    shown = diagnosis.robot.joint_names[_shown_joint(diagnosis, named)]
+    at = place(diagnosis.robot, named.joint, named.into)
+    return f"{labelled(diagnosis.robot, named.effect, named.joint, named.into)}" + (
+        "" if shown == at else f": torque of {shown}"
+    )
+
+
+def _shown_joint(diagnosis: Diagnosis, named: NamedEffect) -> int:
+    """The joint on which the effect's torque stands out most against what is left."""
+    if named.joint is not None and named.joint in named.candidate.member.rows:
+        return named.joint
+    law = np.concatenate(partial_residual(diagnosis, named)[0])
+    return int(np.argmax(np.mean(law**2, axis=0) * scale(diagnosis) ** 2))
+
+
+def binned(x: Array, y: Array) -> tuple[Array, Array]:
+    """Centres and means of the bins of x that hold at least a few samples."""
+    if len(x) == 0:
+        return np.empty(0), np.empty(0)
+    edges = np.linspace(x.min(), x.max(), BINS + 1)
+    index = np.clip(np.digitize(x, edges) - 1, 0, BINS - 1)
+    counts = np.bincount(index, minlength=BINS)
+    sums = np.bincount(index, weights=y, minlength=BINS)
+    full = counts >= FEWEST
+    return ((edges[:-1] + edges[1:]) / 2)[full], sums[full] / counts[full]
