@@ -15,7 +15,7 @@ from diagnosis.blind.draw import drawn_case, kinds_of
 from diagnosis.blind.jobs import same_scenario, score
 from diagnosis.blind.judge import closed, judge
 from diagnosis.blind.merit import Share, detection_limit, reliability, risk_and_coverage, shares
-from diagnosis.blind.outside import OUTSIDE, outside_values, simulated_outside
+from diagnosis.blind.outside import OUTSIDE, outside_values
 from diagnosis.blind.scenario import load_blind_scenario
 from diagnosis.blind.seal import opened, seal
 from diagnosis.blind.study import Study, work
@@ -180,8 +180,7 @@ def test_every_effect_outside_the_catalogue_acts_and_stays_outside(name, scenari
     options = SimulationOptions(physics_timestep=1e-3)
     options = replace(options, controller=replace(options.controller, rate=500.0))
     ill = replace(options, effects=(Injection(name, 1, values),))
-    with simulated_outside():
-        a, b = simulate(robot, [reference, reference], [options, ill])
+    a, b = simulate(robot, [reference, reference], [options, ill], beside=OUTSIDE)
     change = np.sqrt(np.mean((a.torque - b.torque) ** 2, axis=0))
     assert change[1] > 0.2
     assert name not in effects()

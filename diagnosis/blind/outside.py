@@ -1,18 +1,15 @@
 """Effects that are physical and in no catalogue, at one joint of the simulated robot.
 
-They act by the same hooks as those of the catalogue, and only while ``simulated_outside`` lasts; the
-diagnosis knows nothing of them.
+They act by the same hooks as those of the catalogue, where a simulation is handed them; the diagnosis knows
+nothing of them.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from testbench.effects import effects
 from testbench.effects.action import (
     COULOMB,
     MOTOR_TORQUE,
@@ -121,18 +118,6 @@ OUTSIDE = {
     "cubic_spring": OutsideEffect(Stage.TORQUE, _cubic_spring),
     "friction_jump": OutsideEffect(Stage.FRICTION_LEVEL, _friction_jump),
 }
-
-
-@contextmanager
-def simulated_outside() -> Iterator[None]:
-    """While the block runs, the simulation finds these effects by name; the catalogue ends as it was."""
-    known = cast("dict[str, Any]", effects())
-    known.update(OUTSIDE)
-    try:
-        yield
-    finally:
-        for name in OUTSIDE:
-            del known[name]
 
 
 def outside_values(

@@ -27,7 +27,7 @@ from testbench.simulation import (
 )
 
 from .draw import OUTSIDE_SIZE, Draw, robot_of
-from .outside import OUTSIDE, outside_values, simulated_outside
+from .outside import OUTSIDE, outside_values
 from .scenario import BlindScenario
 from .values import drawn_injection
 
@@ -102,15 +102,15 @@ def simulated_case(
     alone = [replace(ideal, effects=(*healthy, each)) for each in injections]
     clean = [replace(ideal, effects=healthy), ideal, *(alone if len(alone) > 1 else [])]
     first = references[: min(MEASURED_RUNS, count - 1)]
-    with simulated_outside():
-        recordings = simulate(
-            robot,
-            [*references, *references, *first * len(clean)],
-            [*[options] * count, *[twin] * count, *[each for each in clean for _ in first]],
-            model,
-            [*streams, *streams, *streams[: len(first)] * len(clean)],
-            threads=1,
-        )
+    recordings = simulate(
+        robot,
+        [*references, *references, *first * len(clean)],
+        [*[options] * count, *[twin] * count, *[each for each in clean for _ in first]],
+        model,
+        [*streams, *streams, *streams[: len(first)] * len(clean)],
+        threads=1,
+        beside=OUTSIDE,
+    )
     told = [_told(recording, draw, telling) for recording in recordings]
     parts = [tuple(told[at : at + len(first)]) for at in range(2 * count, len(told), len(first))]
     return SimulatedCase(

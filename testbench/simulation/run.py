@@ -1,7 +1,7 @@
 """From references to recordings: set up the loops, run them as one batch, and let the sensors report."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
@@ -22,7 +22,7 @@ from .controller import ControllerOptions, feedforward, gains, velocity_pole
 from .plant import plant_model, resting_pose
 from .reference import Reference
 from .sensors import SensorOptions, centred_torque, encoder_quantum, measured_torque, per_joint, white_noise
-from .unmodelled import put_in, told
+from .unmodelled import Acting, put_in, told
 
 Array = NDArray[np.float64]
 
@@ -60,13 +60,15 @@ def simulate(
     nominal: Robot | None = None,
     seed: int | Sequence[np.random.SeedSequence] = 0,
     threads: int | None = None,
+    beside: Mapping[str, Acting] | None = None,
 ) -> tuple[Recording, ...]:
     """Recordings of the robot following each reference; they do not depend on ``threads``.
 
     robot, options: one for all runs, or one a run. references: sampled at the controller's rate.
     nominal: the model the controller knows (feedforward, gains, torque limits); the robot itself when None.
     seed: of all noise; an integer gives each run its own stream, spawned in order, or one stream a run.
-    threads: workers (all cores when None).
+    threads: workers (all cores when None). beside: effects that are in no catalogue, by the name that
+    injections have.
 
     Each run starts at rest where the controller just balances gravity: on the reference's first
     sample when the nominal model is right. The logged torque of sample k is the drive's mean over
@@ -90,7 +92,7 @@ def simulate(
     def prepared(
         own: Robot, reference: Reference, setting: SimulationOptions, stream: np.random.SeedSequence
     ) -> _Run:
-        return _Run(own, reference, setting, stream, nominal or own)
+        return _Run(own, reference, setting, stream, nominal or own, beside)
 
     with ThreadPoolExecutor(min(threads or os.cpu_count() or 1, count)) as pool:
         # Feedforward, noise and copies take as long as the stepping; they release the interpreter.
@@ -118,6 +120,7 @@ class _Run:
         options: SimulationOptions,
         stream: np.random.SeedSequence,
         nominal: Robot,
+        beside: Mapping[str, Acting] | None,
     ):
         n = robot.joints
         for source, joints in (("references", reference.joints), ("nominal model", nominal.joints)):
@@ -139,7 +142,7 @@ class _Run:
         noise = per_joint(sensors.position_noise, n, "position_noise", 0) * self._noise(POSITION_CHANNEL)
         step = 1 / (controller.rate * options.substeps)
         plant = plant_model(robot.model, step)
-        unmodelled = put_in(options.effects, robot, plant, step, controller.rate)
+        unmodelled = put_in(options.effects, robot, plant, step, controller.rate, beside)
         limit = nominal.limits.torque
         pose, windup, self.hold = resting_pose(
             plant, reference.position[0], at_rest, self.kp, limit, unmodelled.standstill

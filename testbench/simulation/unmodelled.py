@@ -1,8 +1,8 @@
 """The effects of one run put together: hooks, split joints, and what they change of the plant."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identification.errors import InputError
 
 from ..effects import effect
-from ..effects.action import Hook, SimulatedRobot, Stage
+from ..effects.action import Action, Hook, SimulatedRobot, Stage
 from ..effects.base import Injection
 from ..robot import Robot
 from .controller import diagonal_inertia, middle_pose
@@ -19,6 +19,14 @@ from .hooks import Standstill
 from .transmission import CONTACT_DAMPING_RATIO, CONTACT_FREQUENCY
 
 Array = NDArray[np.float64]
+
+
+class Acting(Protocol):
+    """What the simulation asks of an effect."""
+
+    def action(self, injection: Injection, simulated: SimulatedRobot) -> Action:
+        """How it acts in the simulated robot."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -43,11 +51,17 @@ class Unmodelled:
 
 
 def put_in(
-    injections: Sequence[Injection], robot: Robot, plant: Any, timestep: float, rate: float
+    injections: Sequence[Injection],
+    robot: Robot,
+    plant: Any,
+    timestep: float,
+    rate: float,
+    beside: Mapping[str, Acting] | None = None,
 ) -> Unmodelled:
     """Put effects into a plant, which is changed; timestep: s, of the physics. rate: Hz, of control.
 
-    Raises InputError for a split joint without rotor inertia.
+    beside: effects that are in no catalogue, by name. Raises InputError for a name that is in neither, and
+    for a split joint without rotor inertia.
     """
     n = robot.joints
     armature, split = np.array(robot.model.dof_armature), np.zeros(n, dtype=bool)
@@ -57,7 +71,8 @@ def put_in(
         inertia = diagonal_inertia(robot.chain, robot.parameters, middle)
         simulated = SimulatedRobot(robot, timestep, rate, inertia)
         for injection in injections:
-            action = effect(injection.effect).action(injection, simulated)
+            acting = (beside or {}).get(injection.effect) or effect(injection.effect)
+            action = acting.action(injection, simulated)
             hooks += action.hooks
             if action.change_plant is not None:
                 action.change_plant(plant)
