@@ -10,11 +10,19 @@ import h5py
 import numpy as np
 import pytest
 
-from diagnosis.blind.case import make_case, places, read_json, write_json
+from diagnosis.blind.case import BESIDE, LITTLE, make_case, places, read_json, write_json
 from diagnosis.blind.draw import drawn_case, kinds_of
 from diagnosis.blind.jobs import same_scenario, score
 from diagnosis.blind.judge import closed, judge
-from diagnosis.blind.merit import Share, detection_limit, reliability, risk_and_coverage, shares
+from diagnosis.blind.merit import (
+    Rejections,
+    Share,
+    detection_limit,
+    rejections,
+    reliability,
+    risk_and_coverage,
+    shares,
+)
 from diagnosis.blind.outside import OUTSIDE, outside_values
 from diagnosis.blind.scenario import load_blind_scenario
 from diagnosis.blind.seal import opened, seal
@@ -78,6 +86,8 @@ def answer(kind="single", effect="stribeck_friction", joint="elbow", severity=0.
         "joint_names": ["shoulder", "elbow"],
         "effects": [] if kind == "none" else [acting],
         "background": 0.0,
+        "attempt": 0,
+        "rejected": [],
         "settings": {"controller": "pd", "rate": 500.0, "motions": [1, 2], "channels": []},
         "floor": [1.0, 1.0],
     }
@@ -295,6 +305,31 @@ def test_the_figures_are_counted_by_kind() -> None:
     coverage, risk = risk_and_coverage(rows)
     assert coverage == pytest.approx([1 / 6, 2 / 6, 3 / 6])
     assert risk[-1] == pytest.approx(2 / 3)
+
+
+def test_what_was_drawn_again_is_counted_by_effect() -> None:
+    little = {"effect": "backlash", "severity": 0.1, "attempt": 0, "why": LITTLE}
+    beside = {"effect": "stribeck_friction", "severity": 0.5, "attempt": 0, "why": BESIDE}
+    rows = [judge(answer(attempt=1, rejected=[little, beside]), diagnosis()), judge(answer(), diagnosis())]
+    found = rejections(rows)
+    assert found == {"backlash": Rejections(1, 1, 0, 0), "stribeck_friction": Rejections(3, 0, 1, 0)}
+    assert rows[0]["redrawn"] == 1
+
+
+def test_an_answer_that_does_not_tell_what_was_rejected_is_refused() -> None:
+    old = {key: value for key, value in answer().items() if key != "rejected"}
+    with pytest.raises(InputError, match="a.json: rejected: expected an answer that tells"):
+        judge(old, diagnosis(), "a.json")
+
+
+def test_a_case_tells_what_was_drawn_for_it_and_rejected(scenario, tmp_path) -> None:
+    index = kinds_of(scenario).index("single")
+    first = make_case(scenario, index, tmp_path)
+    stricter = scenario.model_copy(update={"least_moved": 1.01 * first["effects"][0]["moved"]})
+    second = make_case(stricter, index, tmp_path / "again")
+    assert second["attempt"] == 1 + max(each["attempt"] for each in second["rejected"])
+    assert second["rejected"][0]["effect"] == first["effects"][0]["effect"]
+    assert second["rejected"][0]["why"] == LITTLE
 
 
 def test_the_detection_limit_is_where_the_share_found_passes_the_level() -> None:

@@ -14,15 +14,17 @@ from identification.errors import InputError
 from testbench.files import replacing
 from testbench.log import write_log
 
-from .draw import DrawnEffect, drawn_case
+from .draw import DrawnEffect, case_names, drawn_case
 from .hidden import Moved, floor, moved
 from .scenario import BlindScenario
-from .simulated import SimulatedCase, simulated_case
+from .simulated import PlannedCase, ideal_runs, planned_case, simulated_case
 
 CASES, SEALED = "cases", "sealed"
 NOMINAL, HIDDEN, ANSWER = "nominal.xml", "hidden.h5", "answer.json"
 # A drawn robot that cannot be driven is drawn again, so often.
 ATTEMPTS = 10
+# Why an effect that was drawn does not act.
+LITTLE, BESIDE, NOT_DRIVEN = "moves too little", "beside one that moves too little", "cannot be driven"
 
 
 @dataclass(frozen=True)
@@ -63,24 +65,30 @@ def make_case(scenario: BlindScenario, index: int, out: Path) -> dict[str, Any]:
 
     The same scenario and index give the same files. Raises InputError where no robot can be driven.
     """
+    place = places(out, case_names(index + 1)[-1])
+    if place.answer.is_file():
+        return read_json(place.answer)
+    for folder in (place.given, place.sealed):
+        folder.mkdir(parents=True, exist_ok=True)
+    rejected: list[dict[str, Any]] = []
     for attempt in range(ATTEMPTS):
         drawing, simulating = np.random.SeedSequence((scenario.seed, index, attempt)).spawn(2)
         draw = drawn_case(scenario, index, drawing)
-        place = places(out, draw.name)
-        if place.answer.is_file():
-            return read_json(place.answer)
-        for folder in (place.given, place.sealed):
-            folder.mkdir(parents=True, exist_ok=True)
         try:
             with tempfile.TemporaryDirectory() as scratch:
-                made = simulated_case(scenario, draw, simulating, place.nominal, Path(scratch))
+                plan = planned_case(scenario, draw, simulating, place.nominal, Path(scratch))
+            measured = moved(plan.robot, ideal_runs(plan))
+            least = [_largest_share(each, measured.torque) for each in measured.alone]
+            # What is drawn again needs no logs.
+            little = any(share < scenario.least_moved for share in least)
+            made = None if little else simulated_case(plan)
         except InputError as error:
+            rejected += [_rejected(each, attempt, NOT_DRIVEN) for each in draw.effects]
             refused = error
             continue
-        measured = moved(made)
-        if any(
-            float(np.max(_share(each, measured.torque))) < scenario.least_moved for each in measured.alone
-        ):
+        if made is None:
+            for each, share in zip(draw.effects, least, strict=True):
+                rejected.append(_rejected(each, attempt, LITTLE if share < scenario.least_moved else BESIDE))
             refused = InputError(
                 draw.name, "effects", "effects that move the robot's torque", "none that does"
             )
@@ -94,16 +102,17 @@ def make_case(scenario: BlindScenario, index: int, out: Path) -> dict[str, Any]:
             "kind": draw.kind,
             "robot": scenario.robots[draw.robot].model.stem,
             "robot_error": scenario.robots[draw.robot].error,
-            "joint_names": list(made.robot.joint_names),
-            "effects": _effects(draw.effects, made, measured),
+            "joint_names": list(plan.robot.joint_names),
+            "effects": _effects(draw.effects, plan, measured),
             "background": draw.background,
             "attempt": attempt,
+            "rejected": rejected,
             "settings": {
                 name: settings[name] for name in settings if name not in ("name", "kind", "effects")
             },
             "effect_rms": measured.together.tolist(),
             "torque_rms": measured.torque.tolist(),
-            "floor": floor(made).tolist(),
+            "floor": floor(plan.nominal, made.twin).tolist(),
         }
         write_json(answer, place.answer)
         # As whoever comes later reads it.
@@ -111,9 +120,14 @@ def make_case(scenario: BlindScenario, index: int, out: Path) -> dict[str, Any]:
     raise refused
 
 
-def _effects(drawn: Sequence[DrawnEffect], made: SimulatedCase, measured: Moved) -> list[dict[str, Any]]:
+def _rejected(drawn: DrawnEffect, attempt: int, why: str) -> dict[str, Any]:
+    """An effect that was drawn and does not act."""
+    return {"effect": drawn.effect, "severity": drawn.severity, "attempt": attempt, "why": why}
+
+
+def _effects(drawn: Sequence[DrawnEffect], plan: PlannedCase, measured: Moved) -> list[dict[str, Any]]:
     """What acts, by names. moved: largest over the joints of the torque moved, as a share of that needed."""
-    names = made.robot.joint_names
+    names = plan.robot.joint_names
     return [
         {
             "effect": injection.effect,
@@ -122,15 +136,15 @@ def _effects(drawn: Sequence[DrawnEffect], made: SimulatedCase, measured: Moved)
             "law": None if each.law is None else injection.law,
             "severity": each.severity,
             "values": injection.values,
-            "moved": float(np.max(_share(rms, measured.torque))),
+            "moved": _largest_share(rms, measured.torque),
         }
-        for each, injection, rms in zip(drawn, made.injections, measured.alone, strict=True)
+        for each, injection, rms in zip(drawn, plan.injections, measured.alone, strict=True)
     ]
 
 
-def _share(effect_rms: NDArray[np.float64], torque_rms: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Torque moved over torque needed, (n,)."""
-    return effect_rms / np.maximum(torque_rms, np.finfo(float).tiny)
+def _largest_share(effect_rms: NDArray[np.float64], torque_rms: NDArray[np.float64]) -> float:
+    """Torque moved over torque needed, the largest over the joints; (n,) each."""
+    return float(np.max(effect_rms / np.maximum(torque_rms, np.finfo(float).tiny)))
 
 
 def read_json(path: Path) -> Any:

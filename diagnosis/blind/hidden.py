@@ -20,7 +20,7 @@ from testbench.identify import motion
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .simulated import SimulatedCase
+from .simulated import IdealRuns
 
 Array = NDArray[np.float64]
 
@@ -37,18 +37,18 @@ def hidden_error(model: Corrected, hidden: Recording) -> PredictedTorque:
     return PredictedTorque(*(_rms(low_pass(hidden.torque - torque), used) for torque in stages))
 
 
-def floor(case: SimulatedCase) -> Array:
-    """RMS (n,) N·m on the twin's hidden run of parameters alone, fitted to the twin's other runs."""
-    *given, hidden = case.twin
-    prepared = prepare(case.nominal, {f"run_{index}": run for index, run in enumerate(given)})
+def floor(nominal: Robot, twin: Sequence[Recording]) -> Array:
+    """RMS (n,) N·m on the twin's hidden run, its last, of parameters alone, fitted to its other runs."""
+    *given, hidden = twin
+    prepared = prepare(nominal, {f"run_{index}": run for index, run in enumerate(given)})
     fitted = fit(prepared, design(prepared))
-    count = PER_JOINT * case.nominal.joints
-    parameters = case.nominal.parameters + fitted.values[:count]
+    count = PER_JOINT * nominal.joints
+    parameters = nominal.parameters + fitted.values[:count]
     logged = prepared.runs[0].logged
     model = Corrected(
-        chain=case.nominal.chain,
-        limits=case.nominal.limits,
-        nominal=case.nominal.parameters,
+        chain=nominal.chain,
+        limits=nominal.limits,
+        nominal=nominal.parameters,
         parameters=parameters,
         parameters_timing=float(fitted.values[count]),
         final=parameters,
@@ -73,26 +73,26 @@ class Moved:
     torque: Array
 
 
-def moved(case: SimulatedCase) -> Moved:
+def moved(robot: Robot, runs: IdealRuns) -> Moved:
     """How much torque the effects move.
 
     What the ideal logs need beyond the true model along their own motion, less the same of the healthy
     twin, which leaves out the background and what filtering does to any log.
     """
-    healthy = _residuals(case.robot, case.healthy)
+    healthy = _residuals(robot, runs.healthy)
 
     def rms(recordings: Sequence[Recording]) -> Array:
-        ill = _residuals(case.robot, recordings)
+        ill = _residuals(robot, recordings)
         used = np.concatenate([a.used & b.used for a, b in zip(ill, healthy, strict=True)])
         changes = [a.beyond - b.beyond for a, b in zip(ill, healthy, strict=True)]
         return _rms(np.concatenate(changes), used)
 
-    together = rms(case.together)
-    several = len(case.alone) > 1
+    together = rms(runs.together)
+    several = len(runs.alone) > 1
     used = np.concatenate([run.used for run in healthy])
     return Moved(
         together,
-        tuple(rms(each) if several else together for each in case.alone),
+        tuple(rms(each) if several else together for each in runs.alone),
         _rms(np.concatenate([run.torque for run in healthy]), used),
     )
 

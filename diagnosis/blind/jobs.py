@@ -87,7 +87,7 @@ def write_scores(rows: Sequence[Row], out: Path) -> list[str]:
 
 def _write_table(rows: Sequence[Row], path: Path) -> None:
     """One line a case; what is unknown is empty."""
-    names = [name for name in rows[0] if name != "calibration"] if rows else []
+    names = [name for name in rows[0] if name not in ("calibration", "draws")] if rows else []
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, names, extrasaction="ignore")
         writer.writeheader()

@@ -21,10 +21,13 @@ def judge(answer: Mapping[str, Any], diagnosis: Mapping[str, Any], source: objec
 
     exact: the first effect named acts, there. right: exact, or the effect that acts is stated as
     confusable with the first one named at the same place, and the catalogue knows them as alike. wrong: an
-    effect is named first that does not act and that is not stated as confusable with one that does.
-    Raises InputError, naming ``source``, for a diagnosis that is none.
+    effect is named first that does not act and that is not stated as confusable with one that does. draws:
+    every effect drawn for the case, with why it does not act or None.
+    Raises InputError, naming ``source``, for a diagnosis that is none and for an answer of an older study.
     """
     verdict, named = _checked(diagnosis, source)
+    if "rejected" not in answer:
+        raise InputError(source, "rejected", "an answer that tells what was drawn and rejected", "none")
     acting = answer["effects"]
     first = named[0] if named else None
     exact = first is not None and any(_same(first, each) for each in acting)
@@ -65,6 +68,11 @@ def judge(answer: Mapping[str, Any], diagnosis: Mapping[str, Any], source: objec
             [n["probability"], any(_same(n, each) for each in acting)]
             for n in named
             if n["probability"] is not None
+        ],
+        "redrawn": answer["attempt"],
+        "draws": [
+            *([each["effect"], each["why"]] for each in answer["rejected"]),
+            *([each["effect"], None] for each in acting),
         ],
         "where_joint": diagnosis["where"][0]["joint"] if diagnosis.get("where") else None,
     }

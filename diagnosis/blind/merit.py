@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 from scipy.stats import norm
 
+from .case import BESIDE, LITTLE, NOT_DRIVEN
 from .judge import Row
 
 Array = NDArray[np.float64]
@@ -170,6 +171,26 @@ def detection_limit(size: Array, found: NDArray[np.bool_], level: float) -> floa
     rising = isotonic_regression(found[order].astype(float)).x
     above = np.flatnonzero(rising >= level)
     return float(size[order][above[0]]) if above.size else None
+
+
+@dataclass(frozen=True)
+class Rejections:
+    """How often an effect was drawn, moved too little, stood beside one that did, made no robot to drive."""
+
+    drawn: int
+    little: int
+    beside: int
+    not_driven: int
+
+
+def rejections(rows: Sequence[Row]) -> dict[str, Rejections]:
+    """How often every effect was drawn, and drawn again, by name."""
+    draws = [(name, why) for row in rows for name, why in row["draws"]]
+    found = {}
+    for name in sorted({name for name, _ in draws}):
+        own = [why for each, why in draws if each == name]
+        found[name] = Rejections(len(own), own.count(LITTLE), own.count(BESIDE), own.count(NOT_DRIVEN))
+    return found
 
 
 def unknown_by_effect(rows: Sequence[Row]) -> dict[str, tuple[Share, Share]]:

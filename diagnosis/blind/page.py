@@ -17,6 +17,7 @@ from .merit import (
     Share,
     confusion,
     detection_limits,
+    rejections,
     reliability,
     risk_and_coverage,
     shares,
@@ -53,6 +54,7 @@ def write_page(rows: Sequence[Row], verdict: Sequence[Line], path: Path) -> None
                 for name, limit in limits.items()
             ],
             unknown=[(name.replace("_", " "), *found) for name, found in unknown_by_effect(rows).items()],
+            rejected=[(name.replace("_", " "), found) for name, found in rejections(rows).items()],
             reliability=plot(
                 "reliability",
                 "Stated probability against how often it was so",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from identification.excitation.design import random_excitation
+from identification.excitation.design import random_motion
 from identification.inverse_dynamics import inverse_dynamics
 from testbench.background import background
 from testbench.clearance import robot_clearance
@@ -45,33 +45,49 @@ CREATED = "2000-01-01T00:00:00+00:00"
 
 
 @dataclass(frozen=True)
-class SimulatedCase:
-    """Recordings of a case as they are told, and what only its maker knows.
+class PlannedCase:
+    """A case before its logs.
 
-    robot: the true one. nominal: the model that goes with the logs. given: runs to diagnose. hidden: one
-    more. twin: given and hidden of the healthy robot. injections: the effects beside the background.
-    together, alone: the first of the runs that are given, by ideal sensors, with all effects and with each
-    alone. healthy: likewise with none.
+    robot: the true one. nominal: the model that goes with the logs. references: of the runs that are given,
+    then of the hidden one; streams: of the noise of each. injections: the effects beside the background.
+    healthy: options of the twin, which has the same background. telling: the stream of what is logged beside
+    position and torque.
     """
 
+    draw: Draw
     robot: Robot
     nominal: Robot
-    given: tuple[Recording, ...]
-    hidden: Recording
-    twin: tuple[Recording, ...]
+    references: tuple[Reference, ...]
+    streams: tuple[np.random.SeedSequence, ...]
     injections: tuple[Injection, ...]
+    healthy: SimulationOptions
+    telling: np.random.SeedSequence
+
+
+@dataclass(frozen=True)
+class IdealRuns:
+    """The first of the runs that are given, by ideal sensors: with all effects, each alone, and none."""
+
     together: tuple[Recording, ...]
     alone: tuple[tuple[Recording, ...], ...]
     healthy: tuple[Recording, ...]
 
 
-def simulated_case(
-    scenario: BlindScenario, draw: Draw, stream: np.random.SeedSequence, nominal: Path, scratch: Path
-) -> SimulatedCase:
-    """Simulate a drawn case. nominal: MJCF to write. scratch: folder for the true robot's model.
+@dataclass(frozen=True)
+class SimulatedCase:
+    """Logs as they are told. given: runs to diagnose. hidden: one more. twin: all of them without effects."""
 
-    The twin has the same background, noise and motions. Raises InputError where the drawn effects make
-    a robot that cannot be driven.
+    given: tuple[Recording, ...]
+    hidden: Recording
+    twin: tuple[Recording, ...]
+
+
+def planned_case(
+    scenario: BlindScenario, draw: Draw, stream: np.random.SeedSequence, nominal: Path, scratch: Path
+) -> PlannedCase:
+    """The robot, its model and its motions. nominal: MJCF to write. scratch: folder for the true model.
+
+    Raises InputError where the model leaves no room to move, or an effect cannot be put into the robot.
     """
     true, wrong, small, numbers, noise, telling = stream.spawn(6)
     section = scenario.robots[draw.robot]
@@ -80,50 +96,70 @@ def simulated_case(
         robot = nominal_model(robot, ModelError().scaled(section.error), true, scratch / "robot.xml")
     model = nominal_model(robot, ModelError().scaled(draw.nominal), wrong, nominal)
     references = _references(draw, model)
-    injections = _injections(draw, robot, references, np.random.default_rng(numbers))
-    rate = draw.rate
     sensors = _sensors(draw, robot)
-    healthy: tuple[Injection, ...] = ()
+    effects: tuple[Injection, ...] = ()
     if draw.background > 0:
         found = background(robot, small, draw.background)
-        sensors, healthy = found.sensors, found.effects
-    options = SimulationOptions(
-        controller=ControllerOptions(
-            kind=draw.controller, rate=rate, bandwidth=draw.bandwidth, damping_ratio=draw.damping_ratio
+        sensors, effects = found.sensors, found.effects
+    return PlannedCase(
+        draw=draw,
+        robot=robot,
+        nominal=model,
+        references=references,
+        streams=tuple(noise.spawn(len(references))),
+        injections=_injections(draw, robot, references, np.random.default_rng(numbers)),
+        healthy=SimulationOptions(
+            controller=ControllerOptions(
+                kind=draw.controller,
+                rate=draw.rate,
+                bandwidth=draw.bandwidth,
+                damping_ratio=draw.damping_ratio,
+            ),
+            sensors=sensors,
+            physics_timestep=scenario.runs.physics_timestep,
+            effects=effects,
         ),
-        sensors=sensors,
-        physics_timestep=scenario.runs.physics_timestep,
-        effects=(*healthy, *injections),
+        telling=telling,
     )
-    twin = replace(options, effects=healthy)
-    ideal = replace(options, sensors=SensorOptions())
-    # With the same noise: what differs between case and twin is the effect.
-    streams, count = noise.spawn(len(references)), len(references)
-    alone = [replace(ideal, effects=(*healthy, each)) for each in injections]
-    clean = [replace(ideal, effects=healthy), ideal, *(alone if len(alone) > 1 else [])]
-    first = references[: min(MEASURED_RUNS, count - 1)]
+
+
+def ideal_runs(case: PlannedCase) -> IdealRuns:
+    """What the effects do to the first runs. Raises InputError where the robot cannot be driven."""
+    first = range(min(MEASURED_RUNS, len(case.references) - 1))
+    ideal = replace(case.healthy, sensors=SensorOptions())
+    several = case.injections if len(case.injections) > 1 else ()
+    kinds = [(), case.injections, *((each,) for each in several)] if case.injections else [()]
+    recordings = _simulated(case, [(ideal, kind, run) for kind in kinds for run in first])
+    healthy, *ill = (recordings[at : at + len(first)] for at in range(0, len(recordings), len(first)))
+    together = ill[0] if ill else healthy
+    return IdealRuns(together, tuple(ill[1:]) if several else (together,) * len(case.injections), healthy)
+
+
+def simulated_case(case: PlannedCase) -> SimulatedCase:
+    """The logs of a case and of its twin. Raises InputError where the robot cannot be driven.
+
+    The twin has the same noise: what differs is the effect. Without effects it is the case.
+    """
+    count = len(case.references)
+    kinds = [case.injections, ()] if case.injections else [()]
+    recordings = _simulated(case, [(case.healthy, kind, run) for kind in kinds for run in range(count)])
+    return SimulatedCase(recordings[: count - 1], recordings[count - 1], recordings[-count:])
+
+
+def _simulated(
+    case: PlannedCase, runs: Sequence[tuple[SimulationOptions, tuple[Injection, ...], int]]
+) -> tuple[Recording, ...]:
+    """As told, one a run: options of the healthy robot, effects beside its background, and motion."""
     recordings = simulate(
-        robot,
-        [*references, *references, *first * len(clean)],
-        [*[options] * count, *[twin] * count, *[each for each in clean for _ in first]],
-        model,
-        [*streams, *streams, *streams[: len(first)] * len(clean)],
+        case.robot,
+        [case.references[index] for _, _, index in runs],
+        [replace(options, effects=(*options.effects, *added)) for options, added, _ in runs],
+        case.nominal,
+        [case.streams[index] for _, _, index in runs],
         threads=1,
         beside=OUTSIDE,
     )
-    told = [_told(recording, draw, telling) for recording in recordings]
-    parts = [tuple(told[at : at + len(first)]) for at in range(2 * count, len(told), len(first))]
-    return SimulatedCase(
-        robot=robot,
-        nominal=model,
-        given=tuple(told[: count - 1]),
-        hidden=told[count - 1],
-        twin=tuple(told[count : 2 * count]),
-        injections=injections,
-        together=parts[1],
-        alone=tuple(parts[2:]) if len(injections) > 1 else (parts[1],) * len(injections),
-        healthy=parts[0],
-    )
+    return tuple(_told(recording, case.draw, case.telling) for recording in recordings)
 
 
 def _references(draw: Draw, model: Robot) -> tuple[Reference, ...]:
@@ -131,9 +167,7 @@ def _references(draw: Draw, model: Robot) -> tuple[Reference, ...]:
     clearance = robot_clearance(model, CLEARANCE)
     return tuple(
         sample_reference(
-            random_excitation(
-                model.chain, model.parameters, model.limits, motion.options, clearance
-            ).trajectory,
+            random_motion(model.chain, model.parameters, model.limits, motion.options, clearance),
             draw.rate,
             motion.periods,
         )

@@ -11,6 +11,7 @@ from .merit import (
     confusion,
     detection_limits,
     median_closed,
+    rejections,
     reliability,
     risk_and_coverage,
     shares,
@@ -106,6 +107,7 @@ def score_document(rows: Sequence[Row]) -> dict[str, Any]:
             name: {"unknown": _told(unknown), "joint": _told(joint)}
             for name, (unknown, joint) in unknown_by_effect(rows).items()
         },
+        "rejected": {name: asdict(found) for name, found in rejections(rows).items()},
         "risk_and_coverage": {"coverage": coverage.tolist(), "risk": risk.tolist()},
         "confusion": {"acts": truths, "said": names, "counts": counts.tolist()},
     }

@@ -115,10 +115,7 @@ def random_excitation(
     motions = feasible_motions(chain, parameters, limits, options, clearance)
     base = base_parameters(chain, options.groups)
     scale = torque_scale(motions, limits, options.seed)
-    coefficients = motions.enlarged(motions.draw(np.random.default_rng(options.seed)))
-    motion = motions.repaired(motions.basis.trajectory(coefficients))
-    if motion is None:
-        raise _no_room()
+    motion = _drawn(motions, options.seed)
     return Excitation(
         joint_names=chain.joint_names,
         trajectory=motion,
@@ -130,6 +127,26 @@ def random_excitation(
         start_values=(),
         seconds=time.perf_counter() - began,
     )
+
+
+def random_motion(
+    chain: Chain,
+    parameters: Array,
+    limits: Limits,
+    options: DesignOptions,
+    clearance: Clearance | None = None,
+) -> Trajectory:
+    """The trajectory of ``random_excitation`` alone, without its figures. Raises InputError as that does."""
+    return _drawn(feasible_motions(chain, parameters, limits, options, clearance), options.seed)
+
+
+def _drawn(motions: FeasibleMotions, seed: int) -> Trajectory:
+    """A motion drawn, enlarged, and repaired. Raises InputError for limits that cannot be met."""
+    coefficients = motions.enlarged(motions.draw(np.random.default_rng(seed)))
+    motion = motions.repaired(motions.basis.trajectory(coefficients))
+    if motion is None:
+        raise _no_room()
+    return motion
 
 
 def optimise(
