@@ -92,13 +92,17 @@ def parameter_rows(result: IdentificationResult) -> tuple[ParameterRow, ...]:
 
 
 def noise_ratio(result: IdentificationResult) -> float | None:
-    """Torque error over what noise alone leaves, joints pooled; validation runs where there are any."""
+    """Torque error over what noise alone leaves, joints pooled; validation runs where there are any.
+
+    None where noise is not known, or leaves nothing.
+    """
     error = torque_error(result.validations or result.fits)
     if result.comparison is None or error is None:
         return None
     floor = result.comparison.noise_floor
     known = np.isfinite(error.rms) & np.isfinite(floor)
-    return float(np.linalg.norm(error.rms[known]) / np.linalg.norm(floor[known]))
+    alone = float(np.linalg.norm(floor[known]))
+    return float(np.linalg.norm(error.rms[known])) / alone if alone > 0 else None
 
 
 def within(result: IdentificationResult, deviations: float) -> int | None:

@@ -197,6 +197,15 @@ def test_headline_compares_with_noise_and_truth(result: IdentificationResult) ->
     assert "truth" not in headline(without_truth(result))
 
 
+def test_without_noise_nothing_is_told_as_a_multiple_of_it(result: IdentificationResult) -> None:
+    assert result.comparison is not None
+    silent = replace(result.comparison, noise_floor=np.zeros(3))
+    clean = replace(result, comparison=silent)
+    with np.errstate(all="raise"):
+        assert noise_ratio(clean) is None
+        assert "noise" not in headline(clean)
+
+
 def test_estimate_file_follows_the_contract(result: IdentificationResult, tmp_path: Path) -> None:
     write_estimate(result, tmp_path / "estimate.json")
     document = json.loads((tmp_path / "estimate.json").read_text())
