@@ -118,10 +118,11 @@ def densest(shares: Sequence[RegimeShare]) -> RegimeShare | None:
     dense = [s for s in shares if s.concentration >= DENSE and s.low > s.expected]
     samples = max((s for s in dense if s.aspect not in LEAST), key=lambda s: s.concentration, default=None)
     parts = [s for s in dense if s.aspect in LEAST and s.share >= LEAST[s.aspect]]
-    part = max(parts, key=lambda s: s.excess, default=None)
-    if part is None or (samples is not None and samples.excess >= part.excess):
-        return samples
-    return part
+    if samples is not None:
+        parts = [s for s in parts if s.excess > samples.excess]
+        # A gap that goes with some part of the motion has that part's band, too.
+        parts = [s for s in parts if s.aspect != FREQUENCY or s.concentration > samples.concentration]
+    return max(parts, key=lambda s: s.excess, default=samples)
 
 
 def where(prepared: Prepared, parameters_only: tuple[Design, Fit], noise: Array) -> tuple[Share, ...]:
