@@ -174,7 +174,7 @@ def _next(
     without: Sequence[str],
 ) -> _Found | None:
     """What explains most: a material effect or a limit; else a push; else a trace of what is swallowed."""
-    material = [w for w in weighed if is_material(stage, w.gain)]
+    material = [w for place, w in enumerate(weighed) if is_material(stage, w.gain, place == 0)]
     if SATURATION not in without:
         clipped = saturation(stage, before, free)
         if clipped is not None and clipped.score > max((w.score for w in material), default=0.0):
@@ -305,7 +305,8 @@ def _pruned(
                     prior=float(log_prior(hypothesis, fitted.values)),
                 )
             kept = item.candidate.is_event or item.is_trace
-            keeps = kept or (gain is not None and is_material(stage, gain))
+            # What was best when it was taken in is judged as such.
+            keeps = kept or (gain is not None and is_material(stage, gain, is_best=True))
             worth.append((keeps, 0.0 if gain is None else gained(stage, gain)))
         weakest = min(range(len(worth)), key=lambda k: (worth[k][0], worth[k][1]))
         if worth[weakest][0]:

@@ -34,6 +34,9 @@ SMALLEST_ELSEWHERE = 7.5
 # Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
 # because its law is not quite the robot's is less.
 NAMED_SHARE, SECOND_SHARE = 0.05, 0.2
+# And the share of what is left there when it is taken in: imperfections that are no smaller would not let
+# it be told from them.
+STANDING_OUT = 0.2
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
@@ -68,18 +71,20 @@ SIZES: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def is_material(stage: Stage, gain: Gain) -> bool:
-    """Whether a candidate explains enough to be taken in."""
+def is_material(stage: Stage, gain: Gain, is_best: bool = False) -> bool:
+    """Whether a candidate explains enough to be taken in. is_best: whether no other gains as much."""
     family = gain.candidate.family
     if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
         return False
     if gain.overlap > HIDDEN_OVERLAP and gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
-    # What acts on one joint's torque must show there, whatever it does to the others' parameters.
-    rows = list(gain.candidate.member.rows)
     removed = np.sqrt(np.maximum(gain.held_out, 0) / np.maximum(stage.counts, 1))
-    enough = removed > SMALLEST_TORQUE * stage.ground.torque_rms
-    return bool(np.any(((stage.shares(gain) > SMALLEST_SHARE) & enough)[rows]))
+    enough = (stage.shares(gain) > SMALLEST_SHARE) & (removed > SMALLEST_TORQUE * stage.ground.torque_rms)
+    # What acts on one joint's torque must show there, whatever it does to the others' parameters; what the
+    # joint's own parameters swallow shows where the joints below carry the same links.
+    if is_best and family.swallowed and gain.overlap > HIDDEN_OVERLAP:
+        return bool(np.any(enough))
+    return bool(np.any(enough[list(gain.candidate.member.rows)]))
 
 
 def is_main(first: Stage, stage: Stage, gain: Gain, named: Collection[int | None]) -> bool:
@@ -96,6 +101,8 @@ def is_main(first: Stage, stage: Stage, gain: Gain, named: Collection[int | None
         return bool(shares[family.joint] > SECOND_SHARE)
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
+    if family.joint is not None and stage.shares(gain)[family.joint] < STANDING_OUT:
+        return False
     return bool(np.any(shares > NAMED_SHARE))
 
 

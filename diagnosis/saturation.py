@@ -32,6 +32,8 @@ REACH_PERIODS = 0.5
 # cut off there is than the error elsewhere, both RMS.
 SMALLEST_SHARE, STANDING_OUT = 0.6, 2.0
 SMALLEST_GAIN = 7.5
+# Seconds without clipping that part one time from the next.
+APART = 0.5
 # Not worth a trial where the error does not even rise with what would be cut off.
 SMALLEST_SLOPE = 0.2
 REFINEMENTS = 12
@@ -132,7 +134,7 @@ def _trial(stage: Stage, family: Family, joint: int, limit: float) -> _Trial | N
     lower, upper = stage.fitted.bounds
     values = _solved(sum(xx) + prior, sum(xy), lower, upper)
     squares = np.zeros(n)
-    asked_for, clipped = np.zeros(len(ground.folds)), np.zeros(len(ground.folds))
+    bouts: list[tuple[float, float]] = []
     elsewhere = 0.0
     for f in folds:
         own = _solved(sum(xx) - xx[f] + prior, sum(xy) - xy[f], lower, upper)
@@ -140,14 +142,15 @@ def _trial(stage: Stage, family: Family, joint: int, limit: float) -> _Trial | N
             left = ground.y[f][j] - stage.x[f][j] @ own
             if j == joint:
                 out = beyond[f]
-                asked_for[f] = np.sum(left[out] ** 2)
+                before = left[out] ** 2
                 left = left - cut[f][j]
-                clipped[f] = np.sum(left[out] ** 2)
+                bouts += _bouts(stage, f, joint, out, before, left[out] ** 2)
                 elsewhere += float(np.sum(left[~out] ** 2))
             squares[j] += float(np.sum(left**2))
     kept = max(float(stage.counts[joint]) - count, 1.0)
     likelihood = -0.5 * INDEPENDENT * float(np.sum(stage.counts * np.log(squares / stage.held_squares)))
     prior_gain = float(log_prior(stage.hypothesis, values)) - stage.prior
+    asked_for, clipped = np.array(bouts).T
     clips = clipped.sum() < (1 - SMALLEST_SHARE) * asked_for.sum()
     clips &= square / count > STANDING_OUT**2 * elsewhere / kept
     # A push makes the torque large once; a drive clips again whenever as much is asked of it.
@@ -162,6 +165,16 @@ def _trial(stage: Stage, family: Family, joint: int, limit: float) -> _Trial | N
         values=values,
         held_squares=squares,
     )
+
+
+def _bouts(
+    stage: Stage, fold: int, joint: int, beyond: NDArray[np.bool_], asked_for: Array, clipped: Array
+) -> list[tuple[float, float]]:
+    """Squared error beyond the limit, as asked for and as clipped, for each time that it was passed."""
+    run, _ = stage.ground.folds[fold]
+    time = stage.prepared.runs[run].time[stage.ground.used[fold][joint]][beyond]
+    parts = np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > APART) + 1)
+    return [(float(asked_for[part].sum()), float(clipped[part].sum())) for part in parts if len(part)]
 
 
 def _solved(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
