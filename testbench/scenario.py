@@ -214,7 +214,7 @@ def _validated(path: Path, prefix: str, content: Mapping[str, Any]) -> Scenario:
     try:
         scenario = Scenario.model_validate(content)
     except ValidationError as error:
-        raise _complaint(path, prefix, error) from None
+        raise first_fault(path, Scenario, error, prefix) from None
     update: dict[str, Any] = {"model": path.parent / scenario.model}
     recorded = scenario.comparison.recorded
     if recorded is not None:
@@ -227,13 +227,13 @@ def _validated(path: Path, prefix: str, content: Mapping[str, Any]) -> Scenario:
     return scenario.model_copy(update=update)
 
 
-def _complaint(path: Path, prefix: str, error: ValidationError) -> InputError:
-    """The first fault of a validation, in one line."""
+def first_fault(path: Path, model: type[BaseModel], error: ValidationError, prefix: str = "") -> InputError:
+    """The first fault of validating a file against ``model``, in one line. prefix: of the field's name."""
     fault = error.errors()[0]
     location = [str(part) for part in fault["loc"]]
     field = prefix + ".".join(location)
     if fault["type"] == "extra_forbidden":
-        section: Any = Scenario
+        section: Any = model
         for part in fault["loc"][:-1]:
             # A number is a place in a list, whose annotation is tuple[section, ...].
             section = get_args(section)[0] if isinstance(part, int) else section.model_fields[part].annotation

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from diagnosis.blind.case import BESIDE, LITTLE, make_case, places, read_json, write_json
+from diagnosis.blind.case import BESIDE, LITTLE, make_case, places
 from diagnosis.blind.draw import drawn_case, kinds_of
 from diagnosis.blind.jobs import same_scenario, score
 from diagnosis.blind.judge import closed, judge
@@ -30,6 +30,7 @@ from diagnosis.blind.study import Study, work
 from identification.errors import InputError
 from testbench.effects import effects
 from testbench.effects.base import Injection
+from testbench.files import read_json, write_json
 from testbench.robot import load_robot
 from testbench.simulation import Reference, SimulationOptions, simulate
 

@@ -1,6 +1,5 @@
 """One case made: logs and nominal model for whoever diagnoses, hidden run and answer for whoever scores."""
 
-import json
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InputError
-from testbench.files import replacing
+from testbench.files import read_json, write_json
 from testbench.log import write_log
 
 from .draw import DrawnEffect, case_names, drawn_case
@@ -145,20 +144,3 @@ def _effects(drawn: Sequence[DrawnEffect], plan: PlannedCase, measured: Moved) -
 def _largest_share(effect_rms: NDArray[np.float64], torque_rms: NDArray[np.float64]) -> float:
     """Torque moved over torque needed, the largest over the joints; (n,) each."""
     return float(np.max(effect_rms / np.maximum(torque_rms, np.finfo(float).tiny)))
-
-
-def read_json(path: Path) -> Any:
-    """A JSON file's content. Raises InputError when it is none."""
-    if not path.is_file():
-        raise InputError(path, "file", "an existing JSON file", "no such file")
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(path, "content", "JSON", str(error)) from None
-
-
-def write_json(document: Any, path: Path) -> None:
-    """Write a JSON file, whole or not at all."""
-    text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
-    with replacing(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from diagnosis.predict import DOCUMENT, read_diagnosed
 from identification.errors import InputError
-from testbench.files import replacing
+from testbench.files import read_json, replacing, write_json
 from testbench.log import read_log
 
-from .case import make_case, places, read_json, write_json
+from .case import make_case, places
 from .draw import case_names, kinds_of
 from .hidden import hidden_error
 from .judge import Row, closed, judge

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from identification.errors import InputError
-from testbench.scenario import Fraction, Seconds, read_fields
+from testbench.scenario import Fraction, Seconds, first_fault, read_fields
 
 # Kind of a case: number of effects of the catalogue that act in it.
 KINDS = {"single": 1, "pair": 2, "triple": 3, "none": 0, "unknown": 0}
@@ -95,7 +95,7 @@ def load_blind_scenario(path: str | Path, seed: int | None = None) -> BlindScena
     try:
         scenario = BlindScenario.model_validate(content)
     except ValidationError as error:
-        raise _complaint(path, error) from None
+        raise first_fault(path, BlindScenario, error) from None
     for section, low, high in (
         ("background", "smallest", "largest"),
         ("nominal", "smallest", "largest"),
@@ -113,24 +113,3 @@ def load_blind_scenario(path: str | Path, seed: int | None = None) -> BlindScena
         robots.append(robot.model_copy(update={"model": model}))
     changes: dict[str, Any] = {"robots": tuple(robots)}
     return scenario.model_copy(update=changes if seed is None else changes | {"seed": seed})
-
-
-def _complaint(path: Path, error: ValidationError) -> InputError:
-    """The first fault of a validation, in one line."""
-    fault = error.errors()[0]
-    names = [str(part) for part in fault["loc"]]
-    field = ".".join(names)
-    if fault["type"] == "extra_forbidden":
-        sections: dict[str, type[BaseModel]] = {
-            "cases": CasesSection,
-            "robots": RobotSection,
-            "background": BackgroundSection,
-            "nominal": NominalSection,
-            "runs": RunsSection,
-        }
-        section = sections[names[0]] if len(names) > 1 else BlindScenario
-        return InputError(path, field, "a known field", repr(names[-1]), section.model_fields)
-    if fault["type"] == "missing":
-        return InputError(path, field, "a value", "nothing")
-    expected = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    return InputError(path, field, expected, repr(fault["input"])[:80])

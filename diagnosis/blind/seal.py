@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from identification.errors import InputError
+from testbench.files import read_json, write_json
 
-from .case import CASES, SEALED, places, read_json, write_json
+from .case import CASES, SEALED, places
 
 MANIFEST, ANSWERS = "manifest.json", "answers.json"
 FORMAT, VERSION = "blind-cases", 1

@@ -12,10 +12,11 @@ from diagnosis.document import write_diagnosis
 from diagnosis.predict import DOCUMENT, read_diagnosed
 from identification.errors import InputError
 from testbench.effects import effects
+from testbench.files import read_json, write_json
 from testbench.log import read_log
 from testbench.robot import load_robot
 
-from .case import CASES, SEALED, Places, make_case, places, read_json, write_json
+from .case import CASES, SEALED, Places, make_case, places
 from .draw import case_names, kinds_of
 from .hidden import hidden_error
 from .jobs import same_scenario, write_scores
