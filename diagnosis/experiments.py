@@ -63,25 +63,42 @@ ADVICE = (
 ENOUGH = 4.0
 
 
-def why(names: Sequence[str], separation: float | None, reason: str) -> str:
+def why(open_: Sequence[str], chosen: Sequence[str], separation: float | None, reason: str) -> str:
     """Why and how to record again, in one or two sentences.
 
-    names: effects to tell apart, "none" among them where it is whether there is one. separation: of
-    the proposed motion in noise units, None where there is no motion for the given reason.
+    open_: effects that stay open, "none" among them where it is whether there is one. chosen: those
+    that the motion separates. separation: of the proposed motion in noise units, None where there is no
+    motion for the given reason.
     """
-    titles = [effects()[name].DESCRIPTION.title.lower() for name in names if name != "none"]
-    listed = titles[0] if len(titles) == 1 else ", ".join(titles[:-1]) + " and " + titles[-1]
-    if "none" in names:
-        question = f"These runs would not show {listed}"
-    else:
-        question = f"These runs cannot tell {listed} apart"
-    chosen = {name for name in names if name != "none"}
-    words = next((a.words for a in ADVICE if len(a.among & chosen) >= a.least), "")
-    parts = [question + (f": {words}" if words else "")]
+    hidden = "none" in open_
+    question = f"These runs cannot tell {_listed(open_)} apart"
+    if hidden:
+        question = f"These runs would not show {_listed(open_)}"
     if separation is None:
-        parts.append(reason[0].upper() + reason[1:])
-    elif separation < ENOUGH:
-        parts.append(f"The best motion found would part them by only {separation:.2g} times the noise")
-    else:
-        parts.append(f"The proposed motion parts them by {separation:.3g} times the noise")
-    return ". ".join(parts) + "."
+        return _sentences(question + _advice(open_), reason[0].upper() + reason[1:])
+    if separation < ENOUGH:
+        told = f"The best motion found would part them by only {separation:.2g} times the noise"
+        return _sentences(question + _advice(open_), told)
+    if not hidden:
+        told = f"The proposed motion parts them by {separation:.3g} times the noise"
+        told += "" if set(chosen) == set(open_) else f" if it is {_listed(chosen)}"
+        return _sentences(question + _advice(open_), told)
+    left = [name for name in open_ if name not in chosen]
+    told = f"The proposed motion shows {_listed(chosen)} at {separation:.3g} times the noise or more"
+    return _sentences(question, told, *([f"Left: {_listed(left)}{_advice(left)}"] if left else []))
+
+
+def _advice(names: Sequence[str]) -> str:
+    """What to record for these effects, after a colon."""
+    words = next((a.words for a in ADVICE if len(a.among & set(names)) >= a.least), "")
+    return f": {words}" if words else ""
+
+
+def _sentences(*sentences: str) -> str:
+    return ". ".join(sentences) + "."
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Titles of effects in a sentence."""
+    titles = [effects()[name].DESCRIPTION.title.lower() for name in names if name != "none"]
+    return titles[0] if len(titles) == 1 else ", ".join(titles[:-1]) + " and " + titles[-1]

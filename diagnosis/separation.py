@@ -1,0 +1,120 @@
+"""How far apart along a motion the effects that stay open are, in units of the diagnosis's noise.
+
+T-optimality (Atkinson & Fedorov 1975, "The design of experiments for discriminating between two
+rival models"): with the torque eta_i that hypothesis i adds, at its likely size, the separation of i
+from its rival j is what no choice of the rival's coefficients and of the base parameters can imitate,
+
+    T_ij = min over c, theta of |W^(1/2) (eta_i - Z_j c - Y theta)|².
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.base_parameters import base_parameters
+from identification.excitation.trajectory import Trajectory
+from identification.filtering import decimation_step, edge_samples, zero_phase_lowpass
+from identification.parameters import GROUPS
+from identification.regressor import regressor
+from testbench.effects import effect
+from testbench.effects.signature import Logged
+
+from .findings import Diagnosis
+from .imitation import left, projected_gram
+from .predict import member_of
+from .preparation import DEAD_ZONE, filter_cutoff
+from .rival_size import sized
+from .rivals import Open
+
+Array = NDArray[np.float64]
+
+SAMPLE_RATE = 200.0
+# Columns (N, r, k) and the r joints that they reach.
+Block = tuple[Array, Sequence[int]]
+
+
+class Separation:
+    """The squared separation of each rival along a motion."""
+
+    def __init__(self, diagnosis: Diagnosis, open_: Open):
+        self.open = open_
+        self.template = diagnosis.prepared.runs[0].logged
+        self.columns = base_parameters(diagnosis.robot.chain, tuple(GROUPS)).columns
+        self.weights = diagnosis.final[1].weights
+        self.sized = [sized(diagnosis, open_, rival) for rival in open_.rivals]
+
+    def of_motion(self, motion: Trajectory) -> Array:
+        """(R,) along one period of a motion that is tracked perfectly."""
+        time = np.arange(int(motion.duration * SAMPLE_RATE) + 1) / SAMPLE_RATE
+        q, dq, ddq = motion.evaluate(time)
+        logged = replace(
+            self.template,
+            time=time,
+            sample_rate=SAMPLE_RATE,
+            q=q,
+            dq=dq,
+            ddq=ddq,
+            tau=np.zeros_like(q),
+            temperature=None,
+            torque_command=None,
+            reference_position=q,
+            reference_velocity=dq,
+            reference_acceleration=ddq,
+        )
+        return self.of_run(logged)
+
+    def of_run(self, logged: Logged) -> Array:
+        """(R,) along a run's motion, whose torque is not used.
+
+        Of effects that are confused, the distance from the nearest other; of others, from no effect at all.
+        NaN for a rival without a size, zero for one that the motion leaves without columns.
+        """
+        logged = replace(logged, tau=np.zeros_like(logged.q), torque_command=None)
+        logged = replace(logged, tau=logged.predicted)
+        base = regressor(logged.chain, logged.q, logged.dq, logged.ddq, self.columns)
+        blocks: list[Block] = [(base, range(logged.joints))]
+        count = len(self.columns)
+        added: list[int | None] = []
+        spans: list[list[slice]] = []
+        for rival, size in zip(self.open.rivals, self.sized, strict=True):
+            family = effect(rival.effect).signature([logged], rival.joint, rival.into)
+            member = None if size is None else member_of(family, size.shape)
+            added.append(None)
+            if member is not None and size is not None:
+                torque = np.einsum("trk,k->tr", member.columns[0], size.coefficients)
+                blocks.append((torque[:, :, None], member.rows))
+                added[-1] = count
+                count += 1
+            spans.append([])
+            for one in family.members if self.open.confused else ():
+                blocks.append((one.columns[0], one.rows))
+                spans[-1].append(slice(count, count + one.count))
+                count += one.count
+        gram = projected_gram(self._rows(logged, blocks, count), len(self.columns))
+        out = np.full(len(added), np.nan)
+        for i, (y, size) in enumerate(zip(added, self.sized, strict=True)):
+            if y is not None:
+                others = [left(gram, y, span) for j, each in enumerate(spans) if j != i for span in each]
+                out[i] = max(min([gram[y, y], *others]), 0.0)
+            elif size is not None:
+                out[i] = 0.0
+        return out
+
+    def _rows(self, logged: Logged, blocks: Sequence[Block], count: int) -> Array:
+        """All columns filtered, decimated, over the noise, without rest: (M n, count)."""
+        cutoff = filter_cutoff(logged.sample_rate)
+        trim = edge_samples(logged.sample_rate, cutoff)
+        kept = np.arange(trim, logged.samples - trim, decimation_step(logged.sample_rate, cutoff))
+        flat = np.concatenate([columns.reshape(logged.samples, -1) for columns, _ in blocks], axis=1)
+        smooth = zero_phase_lowpass(flat, logged.sample_rate, cutoff)[kept]
+        out = np.zeros((len(kept), logged.joints, count))
+        first = column = 0
+        for columns, reached in blocks:
+            r, k = columns.shape[1:]
+            part = smooth[:, first : first + r * k].reshape(len(kept), r, k)
+            out[:, list(reached), column : column + k] = part
+            first, column = first + r * k, column + k
+        moving = np.abs(logged.dq[kept]) > DEAD_ZONE
+        return (out * (np.sqrt(self.weights) * moving)[:, :, None]).reshape(-1, count)
