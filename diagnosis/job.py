@@ -12,7 +12,7 @@ from testbench.progress import steps
 from testbench.robot import load_robot
 
 from .diagnose import diagnose
-from .discrimination import next_experiment
+from .discrimination import NextExperiment, next_experiment
 from .document import write_diagnosis
 from .findings import Diagnosis
 from .forward import forward_gap
@@ -32,9 +32,23 @@ def diagnose_logs(
     """Diagnose the logs against the model; write everything to ``out`` and print ten lines.
 
     without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. Leaves
-    diagnosis.json, corrected.xml, report.html, session.rrd, and next_experiment.json where one helps.
-    Raises InputError.
+    corrected.xml, report.html, session.rrd, next_experiment.json where one helps, and diagnosis.json,
+    which is written last. Raises InputError.
     """
+    diagnosis, experiment = written_diagnosis(model, logs, out, without, seed, jobs)
+    print_summary(diagnosis, experiment)
+    return diagnosis
+
+
+def written_diagnosis(
+    model: Path,
+    logs: Sequence[Path],
+    out: Path,
+    without: Sequence[str] = (),
+    seed: int = 0,
+    jobs: int | None = None,
+) -> tuple[Diagnosis, NextExperiment | None]:
+    """What ``diagnose_logs`` does, less the printing."""
     for name in without:
         if name not in effects():
             raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())
@@ -55,8 +69,7 @@ def diagnose_logs(
                 assert experiment.file is not None
                 write_excitation(experiment.excitation, out / experiment.file)
         with progress.step("report"):
-            write_diagnosis(diagnosis, out / DOCUMENT, not_in_mjcf, forward, experiment)
             write_report(diagnosis, out / "report.html", not_in_mjcf, forward, experiment)
             write_session(diagnosis, out / "session.rrd", experiment)
-    print_summary(diagnosis, experiment)
-    return diagnosis
+            write_diagnosis(diagnosis, out / DOCUMENT, not_in_mjcf, forward, experiment)
+    return diagnosis, experiment

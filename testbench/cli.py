@@ -218,6 +218,25 @@ def predict(
 
 
 @app.command
+def loop(
+    scenario: Annotated[Path, Parameter(help="loop scenario YAML")],
+    /,
+    *,
+    out: Annotated[
+        Path, Parameter(help="folder for rounds, loop.json and report.html; a second call resumes")
+    ],
+    seed: Annotated[
+        int | None, Parameter(help="instead of the scenario's", validator=_at_least(0, "--seed"))
+    ] = None,
+    jobs: Jobs = None,
+) -> None:
+    """Close the loop on a simulated robot: diagnose, run the proposed motion, diagnose again."""
+    from diagnosis.loop.job import close_loop
+
+    close_loop(scenario, out, seed, jobs)
+
+
+@app.command
 def compare(
     question: Annotated[str, Parameter(help="criteria, estimators, differentiation or trajectories")],
     scenario: Annotated[
