@@ -86,7 +86,7 @@ def _extent(number: int, motion: Trajectory) -> dict[str, Any]:
     """How far and how fast each joint goes: half its range, and its largest speed."""
     position, velocity, _ = motion.evaluate(np.linspace(0, motion.duration, SAMPLES))
     return {
-        "label": "first" if number == 1 else f"round {number}",
+        "label": f"round {number}",
         "seconds": motion.duration,
         "ranges": np.ptp(position, axis=0) / 2,
         "speeds": np.abs(velocity).max(axis=0),
