@@ -15,6 +15,7 @@ from rich.console import Console
 from diagnosis.correction import Term, corrected_model, correction_document, read_correction
 from diagnosis.discrimination import next_experiment
 from diagnosis.document import write_diagnosis
+from diagnosis.experiments import why
 from diagnosis.findings import Diagnosis
 from diagnosis.forward import forward_gap
 from diagnosis.job import diagnose_logs
@@ -272,6 +273,28 @@ def test_gain_error_asks_for_a_load_not_for_a_motion(
     assert found is not None
     assert "known payload on and off" in found.why
     assert found.file is None
+
+
+def test_what_no_motion_shows_does_not_keep_others_from_being_shown(
+    robot: Robot, runs: dict[str, Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("diagnosis.discrimination.KINDS", ((0.2, 12),))
+    monkeypatch.setattr("diagnosis.discrimination.IMPROVEMENTS", 2)
+    monkeypatch.setattr("diagnosis.discrimination.BETTER", 0.0)
+    hidden = (("payload", None), ("stribeck_friction", 0))
+    found = next_experiment(diagnosed(robot, {"run_1": runs["run_1"]}, [], hidden=hidden))
+    assert found is not None
+    assert found.excitation is not None
+    assert found.separates == ("none", "stribeck_friction")
+    assert "The proposed motion shows stribeck friction" in found.why
+    assert "Left: payload: record the same motion with a known payload on and off" in found.why
+
+
+def test_a_motion_that_settles_one_answer_only_says_which() -> None:
+    both = ("cable_spring", "gravity_spring")
+    assert why(both, both, 12.0, "").endswith("The proposed motion parts them by 12 times the noise.")
+    assert why(both, both[:1], 12.0, "").endswith("by 12 times the noise if it is cable spring.")
+    assert "by only 2 times the noise" in why(both, both, 2.0, "")
 
 
 def test_nothing_open_asks_for_nothing(robot: Robot, answer: Diagnosis) -> None:
