@@ -53,14 +53,16 @@ WORLD = ("encoder_offset", "encoder_eccentricity", "payload", "base_tilt", "torq
 class Accepted:
     """An effect taken in, with the rivals it was preferred to at its stage and their probabilities.
 
-    named: whether it is larger than on any healthy robot. is_trace: found by a trace that only shows beside
-    every joint's imperfections.
+    share: of some joint's held-out squared residual, the largest. worth: mean squares that it took off the
+    joints' residuals, each by its own torque, summed. named: whether it is larger than on any healthy robot.
+    is_trace: found by a trace that only shows beside every joint's imperfections.
     """
 
     candidate: Candidate
     probability: float
     rivals: tuple[tuple[Weighed, float], ...]
     share: float
+    worth: float
     named: bool = True
     is_trace: bool = False
 
@@ -100,7 +102,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
         stage = Stage(base, hypothesis, fitted)
         before = [item.candidate for item in accepted]
         weighed = _open(stage, before, proposals, sized)
-        found = _next(stage, before, weighed, proposals, free, sized, without)
+        found = _next(original, stage, before, weighed, free, sized, without)
         if found is None:
             break
         # Where an imperfection of healthy size would explain it as well, nothing else need be there.
@@ -109,6 +111,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
             (best.candidate, own),
             *((w.candidate, w.gain.coefficients) for w, p in found.rivals if p > CONFUSABLE),
         ]
+        taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
         somewhere = {a.candidate.family.joint for a in accepted if a.named}
         beyond = all(is_beyond_healthy(sized, base.torque_rms, *each) for each in sizes)
         accepted.append(
@@ -117,6 +120,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
                 probability=1.0 - sum(p for _, p in found.rivals),
                 rivals=found.rivals,
                 share=float(stage.shares(best.gain).max()),
+                worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / base.torque_rms**2)),
                 named=beyond and is_main(original, stage, best.gain, somewhere),
                 is_trace=found.is_trace,
             )
@@ -165,10 +169,10 @@ def _open(stage: Stage, before: Sequence[Candidate], proposals: Bank, sized: Rob
 
 
 def _next(
+    first: Stage,
     stage: Stage,
     before: Sequence[Candidate],
     weighed: Sequence[Weighed],
-    proposals: Bank,
     free: Bank,
     sized: Robot,
     without: Sequence[str],
@@ -185,6 +189,9 @@ def _next(
         pushed = contact(stage, {each.place for each in before}, free)
         if pushed is not None:
             return _Found(*pushed, fitted_to(stage.prepared, [*before, pushed[0].candidate]))
+    if unclaimed(first, stage, free):
+        # What has no name leaves traces of all kinds.
+        return None
     after, traces = swallowed(stage, before, weighed)
     traces = [w for w in traces if is_plausible(sized, w.candidate, w.gain.coefficients)]
     traces = [

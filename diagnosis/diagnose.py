@@ -97,11 +97,10 @@ def _verdict(found: Attribution, gap: Gap) -> str:
 
 
 def _closes_more(found: Attribution) -> bool:
-    """Whether the effects explain more than what no effect does, each joint by its own torque."""
+    """Whether some effect that is named explains more than what no effect does, each joint by its torque."""
     before = _rms(found.parameters_only[1].held_out, found.parameters_only[0]) / _torque(found.prepared)
-    after = _rms(found.fitted.held_out, found.hypothesis) / _torque(found.prepared)
-    misfit = sum(item.share * before[item.joint] ** 2 for item in found.unknown)
-    return bool(np.sum(before**2 - after**2) > misfit)
+    misfit = max(item.share * float(before[item.joint]) ** 2 for item in found.unknown)
+    return max(item.worth for item in found.accepted if item.named) > misfit
 
 
 def _torque(prepared: Prepared) -> Array:

@@ -101,7 +101,7 @@ def is_main(first: Stage, stage: Stage, gain: Gain, named: Collection[int | None
         return bool(shares[family.joint] > SECOND_SHARE)
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
-    if family.joint is not None and stage.shares(gain)[family.joint] < STANDING_OUT:
+    if family.joint is not None and stage.shares(gain)[list(gain.candidate.member.rows)].max() < STANDING_OUT:
         return False
     return bool(np.any(shares > NAMED_SHARE))
 

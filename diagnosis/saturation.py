@@ -30,7 +30,7 @@ FEWEST = 5
 REACH_PERIODS = 0.5
 # Of the squared error beyond the limit, the share that clipping must explain, and how much larger what is
 # cut off there is than the error elsewhere, both RMS.
-SMALLEST_SHARE, STANDING_OUT = 0.6, 2.0
+SMALLEST_SHARE, STANDING_OUT = 0.9, 2.0
 SMALLEST_GAIN = 7.5
 # Seconds without clipping that part one time from the next.
 APART = 0.5
