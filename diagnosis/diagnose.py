@@ -25,7 +25,7 @@ PARAMETERS_SHARE = 0.12
 PARAMETERS_TORQUE = 0.01
 # How often the likeliest effect is the right one when nothing in the catalogue rivals it: of the first
 # that is named, and of those after it, counted on blind cases (docs/blind.md).
-FIRST_NAMED, LATER_NAMED = 0.92, 0.45
+FIRST_NAMED, LATER_NAMED = 0.96, 0.85
 
 
 def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:

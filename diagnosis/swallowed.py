@@ -24,7 +24,7 @@ IMPERFECTIONS = (
     "cable_spring",
 )
 # Log-likelihood from which an imperfection is worth fitting beside, and that a trace must gain.
-BESIDE, SMALLEST_GAIN = 4.0, 10.0
+BESIDE, SMALLEST_GAIN = 4.0, 9.0
 
 
 def swallowed(

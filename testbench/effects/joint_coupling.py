@@ -1,6 +1,6 @@
 """Joint coupling: a drive shared by two joints loads both with friction on the sum of their speeds."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -24,7 +24,7 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .bristle import bristle_step
+from .bristle import bristle_step, unit_bristle
 from .mjcf_form import joint_element
 from .signature import Family, Logged, Member, quantities
 
@@ -48,6 +48,8 @@ DESCRIPTION = EffectDescription(
 
 # The shared shaft slides after this much twist, rad.
 PRESLIDING = 5e-4
+# How far that is sought in logs.
+TWISTS = (1e-4, 5e-3)
 SMOOTH_VELOCITY = 0.01
 
 
@@ -76,24 +78,37 @@ def _shared(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """Speed of the other joint, sgn of the summed speed, acceleration of the other joint; on both rows.
+    """Speed of the other joint, friction on the summed speed, acceleration of the other joint; on both rows.
 
-    A joint's own speed is in its viscous friction. The third coefficient is the shared rotor's inertia.
+    A joint's own speed is in its viscous friction. Friction is Dahl's bristle of a unit of level: where both
+    joints all but turn against each other, the sign of a measured speed says little. The third coefficient is
+    the shared rotor's inertia.
     """
     pair = _pair(joint, into, runs[0].joints)
-    columns = []
-    for run in runs:
-        v, a = run.dq[:, pair], run.ddq[:, pair]
-        sign = np.sign(v.sum(axis=1, keepdims=True)).repeat(2, axis=1)
-        columns.append(np.stack([v[:, ::-1], sign, a[:, ::-1]], axis=2))
-    member = Member({}, tuple(pair), tuple(columns), np.zeros(3), np.full(3, np.inf))
+
+    def member(shape: Mapping[str, float]) -> Member:
+        columns = []
+        for run in runs:
+            v, a = run.dq[:, pair], run.ddq[:, pair]
+            friction = np.empty((run.samples, 1))
+            unit_bristle(v.sum(axis=1), np.array([shape["twist"]]), 1 / run.sample_rate, friction)
+            columns.append(np.stack([v[:, ::-1], friction.repeat(2, axis=1), a[:, ::-1]], axis=2))
+        return Member(dict(shape), tuple(pair), tuple(columns), np.zeros(3), np.full(3, np.inf))
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Any]:
         names = ("viscous", "coulomb")
         std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         return quantities(DESCRIPTION, dict(zip(names, c, strict=False)), dict(zip(names, std, strict=False)))
 
-    return Family(DESCRIPTION.name, pair[0], (member,), parameters, into=pair[1])
+    return Family(
+        DESCRIPTION.name,
+        pair[0],
+        (member({"twist": PRESLIDING}),),
+        parameters,
+        refine={"twist": TWISTS},
+        member=member,
+        into=pair[1],
+    )
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
