@@ -32,7 +32,7 @@ from .materiality import (
 )
 from .observability import not_observable
 from .preparation import Prepared
-from .saturation import saturation
+from .saturation import Cut, cuts, saturation
 from .swallowed import swallowed
 from .unclaimed import Unclaimed, unclaimed
 from .weighing import Bank, Stage
@@ -95,14 +95,14 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     early = [*without, SATURATION, EVENT]
     base = ground(prepared)
     proposals, free = (Bank(base, c) for c in (candidates(prepared, early), generic_candidates(prepared)))
-    original = Stage(base, hypothesis, fitted)
+    original, limits = Stage(base, hypothesis, fitted), cuts(prepared)
     accepted: list[Accepted] = []
     weighed: list[Weighed] = []
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
         stage = Stage(base, hypothesis, fitted)
         before = [item.candidate for item in accepted]
         weighed = _open(stage, before, proposals, sized)
-        found = _next(original, stage, before, weighed, free, sized, without)
+        found = _next(original, stage, before, weighed, free, limits, sized, without)
         if found is None:
             break
         # Where an imperfection of healthy size would explain it as well, nothing else need be there.
@@ -174,13 +174,14 @@ def _next(
     before: Sequence[Candidate],
     weighed: Sequence[Weighed],
     free: Bank,
+    limits: Sequence[Sequence[Cut]],
     sized: Robot,
     without: Sequence[str],
 ) -> _Found | None:
     """What explains most: a material effect or a limit; else a push; else a trace of what is swallowed."""
     material = [w for place, w in enumerate(weighed) if is_material(stage, w.gain, place == 0)]
     if SATURATION not in without:
-        clipped = saturation(stage, before, free)
+        clipped = saturation(stage, before, free, limits)
         if clipped is not None and clipped.score > max((w.score for w in material), default=0.0):
             return _Found(clipped, (), fitted_to(stage.prepared, [*before, clipped.candidate]))
     if material:

@@ -1,7 +1,9 @@
 """Candidate effects on these runs: every family's columns, filtered like the torque."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,11 +72,21 @@ def candidates(
 ) -> list[Candidate]:
     """All members of all families of the catalogue, less the effects taken out of it (or only some)."""
     logged = [run.logged for run in prepared.runs]
-    found = []
-    for name, effect in effects().items():
-        if name in without or (only is not None and name not in only):
-            continue
-        for joint, into in places(effect.DESCRIPTION, prepared.joints):
-            family = effect.signature(logged, joint, into)
-            found += [candidate(prepared, family, member) for member in family.members]
-    return found
+    wanted = [
+        (effect, joint, into)
+        for name, effect in effects().items()
+        if name not in without and (only is None or name in only)
+        for joint, into in places(effect.DESCRIPTION, prepared.joints)
+    ]
+    return in_parallel(prepared, [partial(effect.signature, logged, j, k) for effect, j, k in wanted])
+
+
+def in_parallel(prepared: Prepared, families: Sequence[Callable[[], Family]]) -> list[Candidate]:
+    """All members of families that are yet to be made, in their order, on all cores."""
+
+    def members(family: Callable[[], Family]) -> list[Candidate]:
+        made = family()
+        return [candidate(prepared, made, member) for member in made.members]
+
+    with ThreadPoolExecutor() as pool:
+        return [each for found in pool.map(members, families) for each in found]

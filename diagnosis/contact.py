@@ -1,12 +1,13 @@
 """A push of the surroundings: short bursts in what is left, which no function of the state explains."""
 
 from collections.abc import Collection
+from functools import partial
 
 import numpy as np
 
 from testbench.effects import effect
 
-from .candidates import EVENT, Place, candidate
+from .candidates import EVENT, Place, in_parallel
 from .evidence import fitted_to, squares
 from .likelihood import INDEPENDENT, Weighed, odds
 from .unclaimed import foretold_shares
@@ -41,10 +42,8 @@ def contact(
     # A force loads the joints before its link and not those after it, though perhaps with no arm on the last.
     links = sorted({*burst, min(burst[-1] + 1, stage.prepared.joints - 1)})
     logged = [run.logged for run in stage.prepared.runs]
-    families = [effect(EVENT).signature(logged, link, None) for link in links]
-    bank = Bank(
-        stage.ground, [candidate(stage.prepared, f, member) for f in families for member in f.members]
-    )
+    families = [partial(effect(EVENT).signature, logged, link, None) for link in links]
+    bank = Bank(stage.ground, in_parallel(stage.prepared, families))
     gains = [g for g in stage.gains(bank) if g is not None and g.candidate.place not in taken]
     before = squares(stage.fitted.residual)
     likeliest: dict[Place, tuple[float, Weighed]] = {}

@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 PARAMETERS_SHARE = 0.12
 # ... and the error of the model as given is at least this share of the joint's torque.
 PARAMETERS_TORQUE = 0.01
-# How often the likeliest effect is the right one when nothing in the catalogue rivals it: of the first
-# that is named, and of those after it, counted on blind cases (docs/blind.md).
-FIRST_NAMED, LATER_NAMED = 0.96, 0.85
+# How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases
+# (docs/blind.md): of the first that is named, of the second, and of those after it.
+NAMED = (0.96, 0.85, 0.5)
 
 
 def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
@@ -136,8 +136,8 @@ def _named(found: Attribution, index: int) -> NamedEffect:
 
 def _probability(found: Attribution, index: int) -> float:
     """Of an effect taken in: against its rivals, times how often such a name is right."""
-    is_first = not any(item.named for item in found.accepted[:index])
-    return found.accepted[index].probability * (FIRST_NAMED if is_first else LATER_NAMED)
+    before = sum(item.named for item in found.accepted[:index])
+    return found.accepted[index].probability * NAMED[min(before, len(NAMED) - 1)]
 
 
 def _ranked(found: Attribution) -> tuple[RankedCandidate, ...]:

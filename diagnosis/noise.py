@@ -4,6 +4,8 @@ Where the reference repeats, what differs between repetitions is noise and what 
 Elsewhere the spectrum of the noise, where it is seen alone, is continued into the band of the motion.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
@@ -20,6 +22,7 @@ QUIET, HIGHEST, FEWEST = 1.5, 0.45, 8
 CORNER, CORNERS = 5.0, 40
 
 
+@lru_cache(maxsize=2)
 def noise_rms(prepared: Prepared) -> Array:
     """RMS (n,) N·m that noise leaves after the parallel filter, over all runs."""
     squares = [_repetition(run) for run in prepared.runs]

@@ -5,6 +5,7 @@ limit would explain the torque by itself; they are predicted, once as asked for 
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from testbench.effects.signature import Family
 from .candidates import SATURATION, Candidate, candidate
 from .evidence import log_prior, scaled_precision, solve
 from .likelihood import INDEPENDENT, Weighed
+from .preparation import Prepared
 from .unclaimed import foretold_shares
 from .weighing import Bank, Gain, Stage
 
@@ -40,15 +42,20 @@ REFINEMENTS = 12
 
 
 @dataclass(frozen=True)
-class _Trial:
-    """A joint's limit, the candidate it makes, what it adds to the likelihood, and if it looks like one.
-
-    share: of the joint's squared residual that it removes.
-    """
+class Cut:
+    """What a limit (N·m) of a joint cuts off; a run's samples (M,) that the filter fills from there."""
 
     joint: int
     limit: float
     candidate: Candidate
+    beyond: tuple[NDArray[np.bool_], ...]
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """What a limit adds to the likelihood, its share of the joint's residual, and if it looks like one."""
+
+    cut: Cut
     score: float
     share: float
     clips: bool
@@ -56,44 +63,58 @@ class _Trial:
     held_squares: Array
 
 
-def saturation(stage: Stage, accepted: Sequence[Candidate], free: Bank) -> Weighed | None:
+def cuts(prepared: Prepared) -> list[list[Cut]]:
+    """What limits of each joint would cut off, those that clip least first; they depend on the logs alone."""
+    logged = [run.logged for run in prepared.runs]
+
+    def of_joint(joint: int) -> list[Cut]:
+        family = effect(SATURATION).signature(logged, joint, None)
+        if not family.members:
+            return []
+        asked = np.concatenate([np.abs(torque) for torque in asked_torque(prepared, joint)])
+        limits = np.quantile(asked, 1 - np.array(CLIPPED))
+        return [_cut(prepared, family, float(limit)) for limit in limits]
+
+    with ThreadPoolExecutor() as pool:
+        return list(pool.map(of_joint, range(prepared.joints)))
+
+
+def saturation(
+    stage: Stage, accepted: Sequence[Candidate], free: Bank, limits: Sequence[Sequence[Cut]]
+) -> Weighed | None:
     """The joint whose drive clips, at its likeliest limit; None where none does that is not accepted yet.
 
     free: candidates of generic.py; what one of them explains better has nothing to do with a limit.
+    limits: of ``cuts``.
     """
-    logged = [run.logged for run in stage.prepared.runs]
     known = {each.family.joint for each in accepted if each.family.effect == SATURATION}
     found: list[_Trial] = []
-    for joint in range(stage.prepared.joints):
-        family = effect(SATURATION).signature(logged, joint, None)
-        if joint in known or not family.members:
-            continue
-        trial = _likeliest(stage, family, joint)
+    for joint, tried in enumerate(limits):
+        trial = None if joint in known else _likeliest(stage, tried)
         if trial is not None and trial.clips and trial.score > SMALLEST_GAIN:
             found.append(trial)
     foretold = foretold_shares(stage, free) if found else np.zeros(0)
-    found = [each for each in found if each.share > foretold[each.joint]]
+    found = [each for each in found if each.share > foretold[each.cut.joint]]
     if not found:
         return None
     best = max(found, key=lambda trial: trial.score)
     return Weighed(_gain(stage, best), best.score)
 
 
-def _likeliest(stage: Stage, family: Family, joint: int) -> _Trial | None:
-    asked = np.concatenate([np.abs(torque) for torque in asked_torque(stage, joint)])
-    limits = np.quantile(asked, 1 - np.array(CLIPPED))
-    trials = [trial for limit in limits if (trial := _trial(stage, family, joint, float(limit))) is not None]
+def _likeliest(stage: Stage, limits: Sequence[Cut]) -> _Trial | None:
+    trials = [trial for cut in limits if (trial := _trial(stage, cut)) is not None]
     if not trials:
         return None
     first = max(range(len(trials)), key=lambda k: trials[k].score)
     best = trials[first]
     if best.score <= SMALLEST_GAIN:
         return None
-    ends = trials[min(first + 1, len(trials) - 1)].limit, trials[max(first - 1, 0)].limit
+    family = best.cut.candidate.family
+    ends = trials[min(first + 1, len(trials) - 1)].cut.limit, trials[max(first - 1, 0)].cut.limit
     tried: dict[float, _Trial] = {}
 
     def negative(limit: float) -> float:
-        trial = _trial(stage, family, joint, limit)
+        trial = _trial(stage, _cut(stage.prepared, family, limit))
         if trial is None:
             return 0.0
         tried[limit] = trial
@@ -104,22 +125,32 @@ def _likeliest(stage: Stage, family: Family, joint: int) -> _Trial | None:
     return max([best, *tried.values()], key=lambda trial: trial.score)
 
 
-def asked_torque(stage: Stage, joint: int) -> list[Array]:
+def _cut(prepared: Prepared, family: Family, limit: float) -> Cut:
+    assert family.member is not None
+    assert family.joint is not None
+    made = candidate(prepared, family, family.member({"limit": limit}))
+    beyond = []
+    for run, torque in zip(prepared.runs, asked_torque(prepared, family.joint), strict=True):
+        reach = 2 * round(REACH_PERIODS * run.logged.sample_rate / run.logged.cutoff) + 1
+        beyond.append(maximum_filter1d(np.abs(torque), reach)[run.kept] > limit)
+    return Cut(family.joint, limit, made, tuple(beyond))
+
+
+def asked_torque(prepared: Prepared, joint: int) -> list[Array]:
     """What the drive was asked for, a run (N,) N·m: the command where it was logged, else the report."""
-    logged = [run.logged for run in stage.prepared.runs]
+    logged = [run.logged for run in prepared.runs]
     return [(run.tau if run.torque_command is None else run.torque_command)[:, joint] for run in logged]
 
 
-def _trial(stage: Stage, family: Family, joint: int, limit: float) -> _Trial | None:
-    assert family.member is not None
-    ground, weights = stage.ground, stage.weights
-    member = candidate(stage.prepared, family, family.member({"limit": limit}))
-    cut = ground.rows([columns[:, :, 0] for columns in member.columns])
-    beyond = _rows_beyond(stage, joint, limit)
-    count = sum(int(rows.sum()) for rows in beyond)
+def _trial(stage: Stage, limit: Cut) -> _Trial | None:
+    ground, weights, joint = stage.ground, stage.weights, limit.joint
     folds, n = range(len(ground.folds)), ground.joints
-    held = [stage.held[f][joint][beyond[f]] @ cut[f][joint][beyond[f]] for f in folds]
-    square = sum(float(np.sum(cut[f][joint][beyond[f]] ** 2)) for f in folds)
+    cut = [ground.rows_of(limit.candidate.columns, f, joint)[:, 0] for f in folds]
+    used = [ground.used[f][joint] for f in folds]
+    beyond = [limit.beyond[run][used[f]] for f, (run, _) in enumerate(ground.folds)]
+    count = sum(int(rows.sum()) for rows in beyond)
+    held = [stage.held[f][joint][beyond[f]] @ cut[f][beyond[f]] for f in folds]
+    square = sum(float(np.sum(cut[f][beyond[f]] ** 2)) for f in folds)
     if count < FEWEST or sum(held) < SMALLEST_SLOPE * square:
         return None
     # What a fold's rows say of the parameters, less those beyond the limit.
@@ -129,7 +160,7 @@ def _trial(stage: Stage, family: Family, joint: int, limit: float) -> _Trial | N
         rest = np.einsum("j,jab->ab", weights, stage.xx[f]) - weights[joint] * x[out].T @ x[out]
         right = sum(weights[j] * stage.x[f][j].T @ ground.y[f][j] for j in range(n) if j != joint)
         xx.append(rest)
-        xy.append(right + weights[joint] * x[~out].T @ (y[~out] - cut[f][joint][~out]))
+        xy.append(right + weights[joint] * x[~out].T @ (y[~out] - cut[f][~out]))
     prior = np.diag(scaled_precision(stage.hypothesis, stage.fitted.prior_scale))
     lower, upper = stage.fitted.bounds
     values = _solved(sum(xx) + prior, sum(xy), lower, upper)
@@ -143,7 +174,7 @@ def _trial(stage: Stage, family: Family, joint: int, limit: float) -> _Trial | N
             if j == joint:
                 out = beyond[f]
                 before = left[out] ** 2
-                left = left - cut[f][j]
+                left = left - cut[f]
                 bouts += _bouts(stage, f, joint, out, before, left[out] ** 2)
                 elsewhere += float(np.sum(left[~out] ** 2))
             squares[j] += float(np.sum(left**2))
@@ -156,9 +187,7 @@ def _trial(stage: Stage, family: Family, joint: int, limit: float) -> _Trial | N
     # A push makes the torque large once; a drive clips again whenever as much is asked of it.
     clips &= np.sum(clipped < (1 - SMALLEST_SHARE) * asked_for) > 1
     return _Trial(
-        joint=joint,
-        limit=limit,
-        candidate=member,
+        cut=limit,
         score=likelihood + prior_gain,
         share=float(1 - squares[joint] / stage.held_squares[joint]),
         clips=bool(clips),
@@ -184,19 +213,9 @@ def _solved(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
     return solve(matrix, right, lower, upper)
 
 
-def _rows_beyond(stage: Stage, joint: int, limit: float) -> list[NDArray[np.bool_]]:
-    """The used rows of a joint, fold by fold, that the filter fills from samples beyond the limit."""
-    near = []
-    for run, torque in zip(stage.prepared.runs, asked_torque(stage, joint), strict=True):
-        reach = 2 * round(REACH_PERIODS * run.logged.sample_rate / run.logged.cutoff) + 1
-        near.append(maximum_filter1d(np.abs(torque), reach)[run.kept] > limit)
-    folds, used = stage.ground.folds, stage.ground.used
-    return [near[run][used[f][joint]] for f, (run, _) in enumerate(folds)]
-
-
 def _gain(stage: Stage, trial: _Trial) -> Gain:
     return Gain(
-        candidate=trial.candidate,
+        candidate=trial.cut.candidate,
         objective=float(np.sum(stage.weights * (stage.held_squares - trial.held_squares))),
         held_out=stage.held_squares - trial.held_squares,
         coefficients=np.ones(1),

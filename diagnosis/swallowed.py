@@ -23,8 +23,9 @@ IMPERFECTIONS = (
     "transmission_ripple",
     "cable_spring",
 )
-# Log-likelihood from which an imperfection is worth fitting beside, and that a trace must gain.
-BESIDE, SMALLEST_GAIN = 4.0, 9.0
+# Log-likelihood from which an imperfection is worth fitting beside, that a trace must gain, and that must be
+# left of it without any one joint but its own.
+BESIDE, SMALLEST_GAIN, SMALLEST_ELSEWHERE = 4.0, 9.0, 5.0
 
 
 def swallowed(
@@ -42,13 +43,16 @@ def swallowed(
     after = Stage(stage.ground, *fitted_to(stage.prepared, [*accepted, *beside.values()]))
     hidden = [each.candidate for each in weighed if each.candidate.family.swallowed]
     found = weigh(after, Bank(stage.ground, hidden)) if hidden else []
-    return after, [each for each in found if _without_others(after, each) > SMALLEST_GAIN]
+    found = [each for each in found if each.score > SMALLEST_GAIN]
+    return after, [each for each in found if _elsewhere(after, each) > SMALLEST_ELSEWHERE]
 
 
-def _without_others(stage: Stage, weighed: Weighed) -> float:
-    """What is left of the score without the joint that gains most, of those that the effect does not load.
+def _elsewhere(stage: Stage, weighed: Weighed) -> float:
+    """What is left of the score without the joint that gains most, unless it is the one that is acted on.
 
     Parameters moved by an effect may happen to suit another joint's misfit.
     """
-    others = np.delete(gained_by_joint(stage, weighed.gain), list(weighed.candidate.member.rows))
+    rows = weighed.candidate.member.rows
+    by_joint = gained_by_joint(stage, weighed.gain)
+    others = np.delete(by_joint, rows) if len(rows) == 1 else by_joint
     return weighed.score - float(np.max(others, initial=0.0))
