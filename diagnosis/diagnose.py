@@ -45,7 +45,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         verdict=verdict,
         sentence=_sentence(robot, verdict, effects, found, gap),
         effects=effects if verdict == "effect" else (),
-        ranked=_ranked(found),
+        ranked=_ranked(found, verdict),
         where=_where(found, gap, verdict),
         gap=gap,
         prepared=prepared,
@@ -97,10 +97,13 @@ def _verdict(found: Attribution, gap: Gap) -> str:
 
 
 def _closes_more(found: Attribution) -> bool:
-    """Whether some effect that is named explains more than what no effect does, each joint by its torque."""
+    """Whether some effect that is named explains more than what no effect does, each joint by its torque.
+
+    What follows nothing at all is told beside the effects: no motion foretells it.
+    """
     before = _rms(found.parameters_only[1].held_out, found.parameters_only[0]) / _torque(found.prepared)
-    misfit = max(item.share * float(before[item.joint]) ** 2 for item in found.unknown)
-    return max(item.worth for item in found.accepted if item.named) > misfit
+    misfits = [item.share * before[item.joint] ** 2 for item in found.unknown if item.regime != NOTHING]
+    return max(item.worth for item in found.accepted if item.named) > max(misfits, default=0.0)
 
 
 def _torque(prepared: Prepared) -> Array:
@@ -140,20 +143,22 @@ def _probability(found: Attribution, index: int) -> float:
     return found.accepted[index].probability * NAMED[min(before, len(NAMED) - 1)]
 
 
-def _ranked(found: Attribution) -> tuple[RankedCandidate, ...]:
+def _ranked(found: Attribution, verdict: str) -> tuple[RankedCandidate, ...]:
     """Everything that was weighed, most probable first."""
     ranked = []
     for index, accepted in enumerate(found.accepted):
         family = accepted.candidate.family
-        small = "" if accepted.named else "fitted, but no more than healthy robots have or a law's rest"
+        reason = "fitted, but no more than healthy robots have or a law's rest"
+        if accepted.named:
+            reason = "" if verdict == "effect" else "beside a larger gap that has no name"
         ranked.append(
             RankedCandidate(
                 effect=family.effect,
                 joint=family.joint,
                 into=family.into,
-                probability=_probability(found, index) if accepted.named else 0.0,
+                probability=_probability(found, index) if accepted.named and verdict == "effect" else 0.0,
                 score=accepted.share,
-                reason=small,
+                reason=reason,
             )
         )
         for rival, probability in accepted.rivals:

@@ -30,6 +30,8 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
     for each in diagnosis.effects[:MOST_EFFECTS]:
         label = words.labelled(robot, each.effect, each.joint, each.into)
         lines.append(_line("effect", f"{label}: {100 * each.probability:.0f} %; {words.parameters(each)}"))
+    if diagnosis.effects and diagnosis.notes:
+        lines.append(_line("unknown", diagnosis.notes[0]))
     ambiguous = next((each for each in diagnosis.effects if each.confusable_with), None)
     if ambiguous is not None:
         others_like = words.titles(ambiguous.confusable_with)
