@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from identification.parameters import PER_JOINT
 from testbench.effects import effects
@@ -22,7 +21,7 @@ from .contact import contact
 from .evidence import Design, Fit, fitted_to, log_prior, squares
 from .generic import generic_candidates
 from .ground import Ground, ground
-from .likelihood import Weighed, gained, log_likelihood, odds, weigh
+from .likelihood import Weighed, gained, weigh
 from .materiality import (
     is_beyond_healthy,
     is_main,
@@ -33,6 +32,7 @@ from .materiality import (
 from .observability import not_observable
 from .preparation import Prepared
 from .saturation import Cut, cuts, saturation
+from .shortlist import choose
 from .swallowed import swallowed
 from .unclaimed import Unclaimed, unclaimed
 from .weighing import Bank, Stage
@@ -40,12 +40,11 @@ from .weighing import Bank, Stage
 Array = NDArray[np.float64]
 
 MOST_EFFECTS, MOST_TERMS = 6, 10
-SHORTLIST = 4
-# What keeps less than this share of its log-likelihood once another effect is in explains the same thing.
-RIVAL_LEFT = 0.5
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
 SPRINGS = {"gravity_spring", "cable_spring"}
+# Cycles a revolution.
+SLOWEST_RIPPLE = 8.0
 WORLD = ("encoder_offset", "encoder_eccentricity", "payload", "base_tilt", "torque_gain_error")
 
 
@@ -138,7 +137,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
             break
     accepted, hypothesis, fitted = _pruned(base, accepted, hypothesis, fitted)
     last = Stage(base, hypothesis, fitted)
-    unknown = (*unclaimed(original, last, free), *_two_springs(original, last, accepted))
+    unknown = (*unclaimed(original, last, free), *_laws_of_position(original, last, accepted))
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
     hidden = not_observable(sized, base.torque_rms, open_)
@@ -185,7 +184,7 @@ def _next(
         if clipped is not None and clipped.score > max((w.score for w in material), default=0.0):
             return _Found(clipped, (), fitted_to(stage.prepared, [*before, clipped.candidate]))
     if material:
-        return _Found(*_choose(stage, before, material))
+        return _Found(*choose(stage, before, material))
     if EVENT not in without and not any(each.is_event for each in before):
         pushed = contact(stage, {each.place for each in before}, free)
         if pushed is not None:
@@ -202,20 +201,25 @@ def _next(
     ]
     if not traces:
         return None
-    best, rivals, _ = _choose(after, after.hypothesis.accepted, traces)
+    best, rivals, _ = choose(after, after.hypothesis.accepted, traces)
     return _Found(best, rivals, fitted_to(stage.prepared, [*before, best.candidate]), is_trace=True)
 
 
-def _two_springs(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
-    """Joints at which it takes both springs of the catalogue: a law of position that it does not hold."""
+def _laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints at which it takes two laws of position: together they are one that no catalogue holds."""
     found = []
     for joint in range(first.prepared.joints):
-        families = [a.candidate.family for a in accepted if a.named]
-        named = {family.effect for family in families if family.joint == joint}
-        if named >= SPRINGS:
+        laws = [a for a in accepted if a.named and a.candidate.family.joint == joint and _is_of_position(a)]
+        if len({item.candidate.family.effect for item in laws}) > 1:
             share = 1 - float(last.held_squares[joint] / max(float(first.held_squares[joint]), 1e-300))
             found.append(Unclaimed(joint, "position", share))
     return tuple(found)
+
+
+def _is_of_position(item: Accepted) -> bool:
+    """A spring, or a ripple too slow for the teeth of any gear."""
+    slow = item.candidate.member.shape.get("cycles", np.inf) < SLOWEST_RIPPLE
+    return item.candidate.family.effect in SPRINGS or slow
 
 
 def linearised(prepared: Prepared, hypothesis: Design, fitted: Fit) -> Prepared:
@@ -235,61 +239,6 @@ def _again(prepared: Prepared, old: Candidate) -> Candidate:
     if family.member is not None and old.member.shape:
         return candidate(prepared, family, family.member(old.member.shape))
     return candidate(prepared, family, family.members[0])
-
-
-def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:
-    """The family's best member at any shape near the best of its grid."""
-    family = weighed.candidate.family
-    if not family.refine or family.member is None:
-        return weighed
-    names = list(family.refine)
-    lower = np.array([family.refine[name][0] for name in names])
-    upper = np.array([family.refine[name][1] for name in names])
-    span = np.where(upper > lower, upper - lower, 1.0)
-    member = family.member
-    best = weighed
-
-    def negative(u: Array) -> float:
-        nonlocal best
-        shape = dict(weighed.candidate.member.shape)
-        shape |= {
-            name: float(value) for name, value in zip(names, lower + np.clip(u, 0, 1) * span, strict=True)
-        }
-        gain = stage.gain(candidate(prepared, family, member(shape)))
-        if gain is None:
-            return 0.0
-        score = gained(stage, gain)
-        if score > best.score:
-            best = Weighed(gain, score)
-        return -score
-
-    start = (np.array([weighed.candidate.member.shape[name] for name in names]) - lower) / span
-    simplex = np.vstack([start, *(np.clip(start + 0.12 * e, 0, 1) for e in np.eye(len(names)))])
-    minimize(negative, start, method="Nelder-Mead", options={"maxfev": 14, "initial_simplex": simplex})
-    return best
-
-
-def _choose(
-    stage: Stage, before: Sequence[Candidate], material: Sequence[Weighed]
-) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]]:
-    """The shortlist refined and fitted jointly in full: the best, its rivals with their probabilities.
-
-    A rival is what has little left to explain once the best is in; anything else is another effect.
-    """
-    prepared = stage.prepared
-    shortlist = [_refined(prepared, stage, w) for w in material[:SHORTLIST]]
-    trials = [fitted_to(prepared, [*before, w.candidate]) for w in shortlist]
-    likelihoods = [log_likelihood(stage, trial) for trial in trials]
-    first = int(np.argmax(likelihoods))
-    after = Stage(stage.ground, *trials[first])
-    left = after.gains(Bank(stage.ground, [w.candidate for w in shortlist]))
-    kept = [first]
-    for index, (weighed, gain) in enumerate(zip(shortlist, left, strict=True)):
-        if index != first and (gain is None or gained(after, gain) < RIVAL_LEFT * weighed.score):
-            kept.append(index)
-    probability = odds([likelihoods[index] for index in kept])
-    rivals = zip((shortlist[index] for index in kept[1:]), probability[1:].tolist(), strict=True)
-    return shortlist[first], tuple(sorted(rivals, key=lambda r: -r[1])), trials[first]
 
 
 def _pruned(

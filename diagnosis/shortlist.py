@@ -1,0 +1,74 @@
+"""The shortlist of a round: its effects at their best shapes, fitted in full, the likeliest, its rivals."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from .candidates import Candidate, candidate
+from .evidence import Design, Fit, fitted_to
+from .likelihood import Weighed, gained, log_likelihood, odds
+from .preparation import Prepared
+from .weighing import Bank, Stage
+
+Array = NDArray[np.float64]
+
+SHORTLIST = 4
+# What keeps less than this share of its log-likelihood once another effect is in explains the same thing.
+RIVAL_LEFT = 0.5
+
+
+def choose(
+    stage: Stage, before: Sequence[Candidate], material: Sequence[Weighed]
+) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]]:
+    """The shortlist refined and fitted jointly in full: the best, its rivals with their probabilities.
+
+    A rival is what has little left to explain once the best is in; anything else is another effect.
+    """
+    prepared = stage.prepared
+    shortlist = [_refined(prepared, stage, w) for w in material[:SHORTLIST]]
+    trials = [fitted_to(prepared, [*before, w.candidate]) for w in shortlist]
+    likelihoods = [log_likelihood(stage, trial) for trial in trials]
+    first = int(np.argmax(likelihoods))
+    after = Stage(stage.ground, *trials[first])
+    left = after.gains(Bank(stage.ground, [w.candidate for w in shortlist]))
+    kept = [first]
+    for index, (weighed, gain) in enumerate(zip(shortlist, left, strict=True)):
+        if index != first and (gain is None or gained(after, gain) < RIVAL_LEFT * weighed.score):
+            kept.append(index)
+    probability = odds([likelihoods[index] for index in kept])
+    rivals = zip((shortlist[index] for index in kept[1:]), probability[1:].tolist(), strict=True)
+    return shortlist[first], tuple(sorted(rivals, key=lambda r: -r[1])), trials[first]
+
+
+def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:
+    """The family's best member at any shape near the best of its grid."""
+    family = weighed.candidate.family
+    if not family.refine or family.member is None:
+        return weighed
+    names = list(family.refine)
+    lower = np.array([family.refine[name][0] for name in names])
+    upper = np.array([family.refine[name][1] for name in names])
+    span = np.where(upper > lower, upper - lower, 1.0)
+    member = family.member
+    best = weighed
+
+    def negative(u: Array) -> float:
+        nonlocal best
+        shape = dict(weighed.candidate.member.shape)
+        shape |= {
+            name: float(value) for name, value in zip(names, lower + np.clip(u, 0, 1) * span, strict=True)
+        }
+        gain = stage.gain(candidate(prepared, family, member(shape)))
+        if gain is None:
+            return 0.0
+        score = gained(stage, gain)
+        if score > best.score:
+            best = Weighed(gain, score)
+        return -score
+
+    start = (np.array([weighed.candidate.member.shape[name] for name in names]) - lower) / span
+    simplex = np.vstack([start, *(np.clip(start + 0.12 * e, 0, 1) for e in np.eye(len(names)))])
+    minimize(negative, start, method="Nelder-Mead", options={"maxfev": 14, "initial_simplex": simplex})
+    return best
