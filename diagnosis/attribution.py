@@ -42,6 +42,8 @@ Array = NDArray[np.float64]
 MOST_EFFECTS, MOST_TERMS = 6, 10
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
+# A trace that is 4.5 standard deviations large: what misfit leaves rarely is.
+SMALLEST_WALD = 20.0
 SPRINGS = {"gravity_spring", "cable_spring"}
 # Cycles a revolution.
 SLOWEST_RIPPLE = 8.0
@@ -120,7 +122,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
                 rivals=found.rivals,
                 share=float(stage.shares(best.gain).max()),
                 worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / base.torque_rms**2)),
-                named=beyond and is_main(original, stage, best.gain, somewhere),
+                named=beyond and is_main(original, stage, best.gain, somewhere) and found.is_certain,
                 is_trace=found.is_trace,
             )
         )
@@ -155,6 +157,14 @@ class _Found:
     rivals: tuple[tuple[Weighed, float], ...]
     trial: tuple[Design, Fit]
     is_trace: bool = False
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether a trace's size is known well enough for a name: Wald's statistic. Other effects show."""
+        own = slice(-self.best.candidate.count, None)
+        fitted = self.trial[1]
+        size = fitted.values[own] @ np.linalg.pinv(fitted.covariance[own, own]) @ fitted.values[own]
+        return not self.is_trace or bool(size > SMALLEST_WALD)
 
 
 def _open(stage: Stage, before: Sequence[Candidate], proposals: Bank, sized: Robot) -> list[Weighed]:
