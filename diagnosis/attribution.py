@@ -203,11 +203,11 @@ def _next(
         # What has no name leaves traces of all kinds.
         return None
     after, traces = swallowed(stage, before, weighed)
-    traces = [w for w in traces if is_plausible(sized, w.candidate, w.gain.coefficients)]
     traces = [
         w
         for w in traces
-        if is_beyond_healthy(sized, stage.ground.torque_rms, w.candidate, w.gain.coefficients)
+        if is_plausible(sized, w.candidate, w.gain.coefficients)
+        and is_beyond_healthy(sized, stage.ground.torque_rms, w.candidate, w.gain.coefficients)
     ]
     if not traces:
         return None

@@ -9,7 +9,7 @@ from testbench.effects import effect
 
 from .candidates import EVENT, Place, in_parallel
 from .evidence import fitted_to, squares
-from .likelihood import INDEPENDENT, Weighed, odds
+from .likelihood import Weighed, log_of_squares, odds
 from .unclaimed import foretold_shares
 from .weighing import Bank, Stage
 
@@ -50,8 +50,7 @@ def contact(
     for gain in sorted(gains, key=lambda g: -g.objective)[:TRIALS]:
         _, trial = fitted_to(stage.prepared, [*stage.hypothesis.accepted, gain.candidate])
         left = squares(trial.residual) / np.maximum(before, 1e-300)
-        fits = -0.5 * INDEPENDENT * float(np.sum(stage.counts * np.log(np.maximum(left, 1e-300))))
-        worth = fits - gain.candidate.count
+        worth = log_of_squares(stage, left) - gain.candidate.count
         known = likeliest.get(gain.candidate.place)
         if np.max(1 - left) > SMALLEST_SHARE and (known is None or worth > known[0]):
             likeliest[gain.candidate.place] = worth, Weighed(gain, worth)

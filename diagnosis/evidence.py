@@ -119,7 +119,13 @@ class Normal:
 
 
 def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
-    """Minimiser of x'Ax/2 - b'x within bounds; A (p, p) positive definite."""
+    """Minimiser of x'Ax/2 - b'x within bounds; A (p, p) positive definite but for unknowns of no information.
+
+    Those, which these rows do not reach, are left at zero.
+    """
+    dead = np.diag(matrix) <= 0
+    matrix = matrix.copy()
+    matrix[dead, dead] = 1.0
     scale = 1 / np.sqrt(np.diag(matrix))
     scaled = matrix * np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += RIDGE
@@ -230,9 +236,6 @@ def _values(
     matrix = np.einsum("j,fjab->ab", weights, normal.xx[chosen])
     right = np.einsum("j,fja->a", weights, normal.xy[chosen])
     matrix[np.diag_indices_from(matrix)] += scaled_precision(hypothesis, prior_scale)
-    # A coefficient that this fold does not reach is left at zero.
-    dead = np.diag(matrix) <= 0
-    matrix[dead, dead] = 1.0
     return solve(matrix, right, lower, upper)
 
 

@@ -18,7 +18,7 @@ from .findings import Diagnosis
 from .forward import forward_gap
 from .predict import DOCUMENT
 from .remedy import write_corrected
-from .report import print_summary, write_report, write_session
+from .report import write_report, write_session
 
 
 def diagnose_logs(
@@ -28,27 +28,13 @@ def diagnose_logs(
     without: Sequence[str] = (),
     seed: int = 0,
     jobs: int | None = None,
-) -> Diagnosis:
-    """Diagnose the logs against the model; write everything to ``out`` and print ten lines.
+) -> tuple[Diagnosis, NextExperiment | None]:
+    """Diagnose the logs against the model; write everything to ``out``.
 
     without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. Leaves
     corrected.xml, report.html, session.rrd, next_experiment.json where one helps, and diagnosis.json,
     which is written last. Raises InputError.
     """
-    diagnosis, experiment = written_diagnosis(model, logs, out, without, seed, jobs)
-    print_summary(diagnosis, experiment)
-    return diagnosis
-
-
-def written_diagnosis(
-    model: Path,
-    logs: Sequence[Path],
-    out: Path,
-    without: Sequence[str] = (),
-    seed: int = 0,
-    jobs: int | None = None,
-) -> tuple[Diagnosis, NextExperiment | None]:
-    """What ``diagnose_logs`` does, less the printing."""
     for name in without:
         if name not in effects():
             raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())

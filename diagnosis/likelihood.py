@@ -62,11 +62,15 @@ def gained_by_shift(stage: Stage, gain: Gain) -> float:
     return gain.prior - stage.prior
 
 
+def log_of_squares(stage: Stage, squared: Array) -> float:
+    """Log-likelihood of squared residuals (n,) on the samples of a stage; up to a constant."""
+    return -0.5 * INDEPENDENT * float(np.sum(stage.counts * np.log(np.maximum(squared, 1e-300))))
+
+
 def log_likelihood(stage: Stage, trial: tuple[Design, Fit]) -> float:
     """Of a hypothesis fitted in full, on the samples of a stage; up to a constant."""
-    held_squares = np.maximum(squares(trial[1].held_out), 1e-300)
-    held_out = INDEPENDENT * float(np.sum(stage.counts * np.log(held_squares)))
-    return -0.5 * held_out + float(log_prior(trial[0], trial[1].values))
+    held_out = log_of_squares(stage, squares(trial[1].held_out))
+    return held_out + float(log_prior(trial[0], trial[1].values))
 
 
 def weigh(stage: Stage, bank: Bank) -> list[Weighed]:

@@ -17,8 +17,8 @@ from testbench.effects import effect
 from testbench.effects.signature import Family
 
 from .candidates import SATURATION, Candidate, candidate
-from .evidence import log_prior, scaled_precision, solve
-from .likelihood import INDEPENDENT, Weighed
+from .evidence import log_prior, solve
+from .likelihood import Weighed, log_of_squares
 from .preparation import Prepared
 from .unclaimed import foretold_shares
 from .weighing import Bank, Gain, Stage
@@ -157,18 +157,15 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     xx, xy = [], []
     for f in folds:
         x, y, out = stage.x[f][joint], ground.y[f][joint], beyond[f]
-        rest = np.einsum("j,jab->ab", weights, stage.xx[f]) - weights[joint] * x[out].T @ x[out]
-        right = sum(weights[j] * stage.x[f][j].T @ ground.y[f][j] for j in range(n) if j != joint)
-        xx.append(rest)
-        xy.append(right + weights[joint] * x[~out].T @ (y[~out] - cut[f][~out]))
-    prior = np.diag(scaled_precision(stage.hypothesis, stage.fitted.prior_scale))
+        xx.append(stage.parts[f] - weights[joint] * x[out].T @ x[out])
+        xy.append(weights @ stage.xy[f] - weights[joint] * x.T @ np.where(out, y, cut[f]))
     lower, upper = stage.fitted.bounds
-    values = _solved(sum(xx) + prior, sum(xy), lower, upper)
+    values = solve(sum(xx) + stage.precision, sum(xy), lower, upper)
     squares = np.zeros(n)
     bouts: list[tuple[float, float]] = []
     elsewhere = 0.0
     for f in folds:
-        own = _solved(sum(xx) - xx[f] + prior, sum(xy) - xy[f], lower, upper)
+        own = solve(sum(xx) - xx[f] + stage.precision, sum(xy) - xy[f], lower, upper)
         for j in range(n):
             left = ground.y[f][j] - stage.x[f][j] @ own
             if j == joint:
@@ -179,7 +176,7 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
                 elsewhere += float(np.sum(left[~out] ** 2))
             squares[j] += float(np.sum(left**2))
     kept = max(float(stage.counts[joint]) - count, 1.0)
-    likelihood = -0.5 * INDEPENDENT * float(np.sum(stage.counts * np.log(squares / stage.held_squares)))
+    likelihood = log_of_squares(stage, squares / stage.held_squares)
     prior_gain = float(log_prior(stage.hypothesis, values)) - stage.prior
     asked_for, clipped = np.array(bouts).T
     clips = clipped.sum() < (1 - SMALLEST_SHARE) * asked_for.sum()
@@ -204,13 +201,6 @@ def _bouts(
     time = stage.prepared.runs[run].time[stage.ground.used[fold][joint]][beyond]
     parts = np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > APART) + 1)
     return [(float(asked_for[part].sum()), float(clipped[part].sum())) for part in parts if len(part)]
-
-
-def _solved(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
-    # What only clipped samples reach is left at zero.
-    dead = np.diag(matrix) <= 0
-    matrix[dead, dead] = 1.0
-    return solve(matrix, right, lower, upper)
 
 
 def _gain(stage: Stage, trial: _Trial) -> Gain:

@@ -103,14 +103,16 @@ class Stage:
                 [np.concatenate([ground.x[f][j], self.added[f][j]], axis=1) for j in range(n)] for f in folds
             ]
         self.residual, self.held = ground.rows(fitted.residual), ground.rows(fitted.held_out)
-        self.xx = Normal(hypothesis).xx
+        normal = Normal(hypothesis)
+        self.xx, self.xy = normal.xx, normal.xy
         self.xh = [
             [x.T @ h for x, h in zip(*both, strict=True)] for both in zip(self.x, self.held, strict=True)
         ]
-        parts = np.einsum("j,fjab->fab", self.weights, self.xx)
-        total = parts.sum(axis=0) + np.diag(scaled_precision(hypothesis, fitted.prior_scale))
+        self.parts = np.einsum("j,fjab->fab", self.weights, self.xx)
+        self.precision = np.diag(scaled_precision(hypothesis, fitted.prior_scale))
+        total = self.parts.sum(axis=0) + self.precision
         self.whole = _Inverse(total)
-        self.apart = [_Inverse(total - part) for part in parts]
+        self.apart = [_Inverse(total - part) for part in self.parts]
         # At the minimum over all folds, the other folds' gradient is minus this fold's own.
         self.shift = [
             apart.times(-sum(self.weights[j] * x.T @ self.residual[f][j] for j, x in enumerate(self.x[f])))

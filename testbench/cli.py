@@ -199,8 +199,9 @@ def diagnose(
 ) -> None:
     """Say why simulator and robot differ: where, which effect, how far it shrinks, what to do next."""
     from diagnosis.job import diagnose_logs
+    from diagnosis.report import print_summary
 
-    diagnose_logs(model, logs, out, without or (), seed, jobs)
+    print_summary(*diagnose_logs(model, logs, out, without or (), seed, jobs))
 
 
 @app.command

@@ -1,5 +1,9 @@
 """A two-joint arm with limits that is designed for, simulated and identified in a second."""
 
+from pathlib import Path
+
+from testbench.robot import Robot, load_robot
+
 ARM = """
 <mujoco model="small_arm">
   <compiler angle="radian"/>
@@ -30,3 +34,10 @@ excitation: {harmonics: 4, base_frequency: 0.25 Hz, starts: 1}
 simulation: {periods: 1}
 validation: {runs: 1, harmonics: 4, base_frequency: 0.25 Hz}
 """
+
+
+def small_arm(folder: Path) -> Robot:
+    """The arm, from a file in this folder."""
+    path = folder / "arm.xml"
+    path.write_text(ARM)
+    return load_robot(path)

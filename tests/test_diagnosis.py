@@ -11,14 +11,12 @@ from testbench.effects import parse_injection
 from testbench.log import read_log
 from testbench.robot import load_robot
 from tests.diagnosed import simulated_runs
-from tests.small_arm import ARM
+from tests.small_arm import small_arm
 
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
-    path = tmp_path_factory.mktemp("arm") / "arm.xml"
-    path.write_text(ARM)
-    return load_robot(path)
+    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 def _diagnosis(arm, *effects, without=(), seed=3):

@@ -9,10 +9,10 @@ from scipy.signal import lfilter
 from diagnosis.findings import RegimeShare
 from diagnosis.localisation import densest, regime_shares
 from diagnosis.preparation import Prepared, Run, prepare
-from testbench.robot import Robot, load_robot
+from testbench.robot import Robot
 
 from .diagnosed import simulated_runs
-from .small_arm import ARM
+from .small_arm import small_arm
 
 JOINT = 1
 Torque = Callable[[Run, np.random.Generator], np.ndarray]
@@ -20,9 +20,7 @@ Torque = Callable[[Run, np.random.Generator], np.ndarray]
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    path = tmp_path_factory.mktemp("robot") / "arm.xml"
-    path.write_text(ARM)
-    return load_robot(path)
+    return small_arm(tmp_path_factory.mktemp("robot"))
 
 
 @pytest.fixture(scope="module")

@@ -95,7 +95,7 @@ def test_a_folder_of_another_scenario_is_refused(closed, scenario_file):
 
 
 def test_one_seed_gives_one_log(closed, scenario_file, tmp_path, monkeypatch):
-    monkeypatch.setattr("diagnosis.loop.job.written_diagnosis", _stopped)
+    monkeypatch.setattr("diagnosis.loop.job.diagnose_logs", _stopped)
     with pytest.raises(KeyboardInterrupt):
         close_loop(scenario_file, tmp_path)
     with h5py.File(tmp_path / "round_1/run_2.h5") as one, h5py.File(closed[1] / "round_1/run_2.h5") as two:

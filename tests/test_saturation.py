@@ -7,16 +7,13 @@ from diagnosis.attribution import attribute
 from diagnosis.materiality import quantities
 from diagnosis.preparation import prepare
 from testbench.effects import parse_injection
-from testbench.robot import load_robot
 from tests.diagnosed import simulated_runs
-from tests.small_arm import ARM
+from tests.small_arm import small_arm
 
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
-    path = tmp_path_factory.mktemp("arm") / "arm.xml"
-    path.write_text(ARM)
-    return load_robot(path)
+    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 def _named(arm, runs):

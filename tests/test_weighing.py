@@ -10,19 +10,16 @@ from diagnosis.ground import ground
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Bank, Stage
 from testbench.effects import parse_injection
-from testbench.robot import load_robot
 
 from .diagnosed import simulated_runs
-from .small_arm import ARM
+from .small_arm import small_arm
 
 EFFECTS = ("stribeck_friction", "load_dependent_friction", "encoder_offset", "cable_spring")
 
 
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory):
-    path = tmp_path_factory.mktemp("arm") / "arm.xml"
-    path.write_text(ARM)
-    arm = load_robot(path)
+    arm = small_arm(tmp_path_factory.mktemp("arm"))
     fault = parse_injection(arm, "stribeck_friction:shoulder:extra=1.2,velocity=0.2")
     prepared = prepare(arm, simulated_runs(arm, [fault], runs=3))
     return Stage(ground(prepared), *fitted_to(prepared, []))

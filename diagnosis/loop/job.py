@@ -11,7 +11,7 @@ from testbench.log import write_log
 from testbench.progress import steps
 
 from ..discrimination import FILE
-from ..job import written_diagnosis
+from ..job import diagnose_logs
 from ..predict import DOCUMENT
 from .outcome import Outcome, Round, loop_document, outcome, read_round
 from .page import write_page
@@ -64,7 +64,7 @@ def _round(robot: Withheld, out: Path, number: int, jobs: int | None) -> Round:
         first = len(_logs(out, number - 1)) + 1
         for index, recording in enumerate(recordings, start=first):
             write_log(recording, folder / f"run_{index}.h5")
-        written_diagnosis(out / NOMINAL, _logs(out, number), folder, seed=robot.scenario.seed, jobs=jobs)
+        diagnose_logs(out / NOMINAL, _logs(out, number), folder, seed=robot.scenario.seed, jobs=jobs)
     return read_round(number, read_json(folder / DOCUMENT))
 
 

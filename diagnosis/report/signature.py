@@ -5,7 +5,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from testbench.report.figures import MUTED, PREDICTED, TEMPLATE, envelope, single
+from testbench.report.figures import MUTED, PREDICTED, TEMPLATE, binned_mean, envelope, single
 
 from ..findings import Diagnosis, NamedEffect
 from .figures import POINTS, scale
@@ -40,26 +40,21 @@ def signature(diagnosis: Diagnosis, named: NamedEffect) -> go.Figure:
     every = slice(None, None, max(1, len(left) // POINTS))
     for column, (x, axis) in enumerate(panels, start=1):
         where = {"row": 1, "col": column}
-        figure.add_scattergl(
-            x=single(x[every]),
-            y=single(left[every]),
-            name="residual before",
-            mode="markers",
-            marker={"size": 3, "color": MUTED, "opacity": 0.55},
-            showlegend=column == 1,
-            **where,
-        )
-        figure.add_scattergl(
-            x=single(x[every]),
-            y=single(torque[every]),
-            name="fitted law",
-            mode="markers",
-            marker={"size": 3, "color": PREDICTED, "opacity": 0.5},
-            showlegend=column == 1,
-            **where,
-        )
+        for name, values, colour, opacity in (
+            ("residual before", left, MUTED, 0.55),
+            ("fitted law", torque, PREDICTED, 0.5),
+        ):
+            figure.add_scattergl(
+                x=single(x[every]),
+                y=single(values[every]),
+                name=name,
+                mode="markers",
+                marker={"size": 3, "color": colour, "opacity": opacity},
+                showlegend=column == 1,
+                **where,
+            )
         for y, colour, label in ((left, "#3c4650", "its mean"), (torque, "#c25a00", "the law's mean")):
-            centres, means = binned(x, y)
+            centres, means = binned_mean(x, y, BINS, FEWEST)
             figure.add_scatter(
                 x=single(centres),
                 y=single(means),
@@ -121,15 +116,3 @@ def _shown_joint(diagnosis: Diagnosis, named: NamedEffect) -> int:
         return named.joint
     law = np.concatenate(partial_residual(diagnosis, named)[0])
     return int(np.argmax(np.mean(law**2, axis=0) * scale(diagnosis) ** 2))
-
-
-def binned(x: Array, y: Array) -> tuple[Array, Array]:
-    """Centres and means of the bins of x that hold at least a few samples."""
-    if len(x) == 0:
-        return np.empty(0), np.empty(0)
-    edges = np.linspace(x.min(), x.max(), BINS + 1)
-    index = np.clip(np.digitize(x, edges) - 1, 0, BINS - 1)
-    counts = np.bincount(index, minlength=BINS)
-    sums = np.bincount(index, weights=y, minlength=BINS)
-    full = counts >= FEWEST
-    return ((edges[:-1] + edges[1:]) / 2)[full], sums[full] / counts[full]

@@ -29,7 +29,7 @@ JOINT_COLOURS = (
     "#bcbd22",
 )
 POINTS = 1200
-VELOCITY_BINS = 25
+VELOCITY_BINS, FEWEST_SAMPLES = 25, 3
 LONGEST_LAG = 0.5
 SPECTRUM_SEGMENT = 128
 TEMPLATE = go.layout.Template(
@@ -228,7 +228,7 @@ def residual_against_velocity(
             marker={"size": 2.5, "color": MUTED, "opacity": 0.6},
             **where,
         )
-        centre, mean = _binned_mean(velocity, residual)
+        centre, mean = binned_mean(velocity, residual, VELOCITY_BINS, FEWEST_SAMPLES)
         figure.add_scatter(
             x=single(centre),
             y=single(mean),
@@ -321,15 +321,15 @@ def _residual(fit: TorqueFit, joint: int) -> Array:
     return np.where(fit.used[:, joint], fit.measured[:, joint] - fit.predicted[:, joint], 0.0)
 
 
-def _binned_mean(x: Array, y: Array) -> tuple[Array, Array]:
-    """Centres and means of the bins of x that hold at least three samples."""
+def binned_mean(x: Array, y: Array, bins: int, fewest: int) -> tuple[Array, Array]:
+    """Centres and means of the bins of x that hold at least the fewest samples."""
     if len(x) == 0:
         return np.empty(0), np.empty(0)
-    edges = np.linspace(x.min(), x.max(), VELOCITY_BINS + 1)
-    index = np.clip(np.digitize(x, edges) - 1, 0, VELOCITY_BINS - 1)
-    counts = np.bincount(index, minlength=VELOCITY_BINS)
-    sums = np.bincount(index, weights=y, minlength=VELOCITY_BINS)
-    full = counts >= 3
+    edges = np.linspace(x.min(), x.max(), bins + 1)
+    index = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
+    counts = np.bincount(index, minlength=bins)
+    sums = np.bincount(index, weights=y, minlength=bins)
+    full = counts >= fewest
     return ((edges[:-1] + edges[1:]) / 2)[full], sums[full] / counts[full]
 
 
