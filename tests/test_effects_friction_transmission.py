@@ -168,6 +168,15 @@ def test_thermal_drift_is_explained(arm: Robot, base: np.ndarray, logged: Logged
     assert found["drop"] == pytest.approx(0.4, rel=0.3)
 
 
+def test_warmth_is_carried_from_run_to_run_or_not(logged: Logged) -> None:
+    family = effects()["thermal_friction_drift"].signature([logged, logged], J, None)
+    cold, warm = (family.member({"time_constant": 15.0, "carried": carried}) for carried in (0.0, 1.0))
+    first, second = (columns[:, 0, 0] / DQ[:, J] for columns in warm.columns)
+    assert second[0] == pytest.approx(first[-1], rel=1e-3)
+    np.testing.assert_array_equal(cold.columns[0], cold.columns[1])
+    np.testing.assert_array_equal(cold.columns[0], warm.columns[0])
+
+
 def link_side(arm: Robot, joint: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Standard parameters without rotors and friction, the joint's load (N,) and its link's inertia (N,)."""
     table = arm.parameters.reshape(3, 14).copy()

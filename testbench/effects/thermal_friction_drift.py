@@ -26,7 +26,9 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, coefficients_as_named, grid_family, single_joint
+from .signature import Family, Logged, Member, Quantity, coefficients_as_named, single_joint
+
+Array = NDArray[np.float64]
 
 DESCRIPTION = EffectDescription(
     name="thermal_friction_drift",
@@ -50,6 +52,8 @@ UNLIMITED_SPEED = 3.0
 # Viscosity cannot fall below nothing, however hot.
 HIGHEST_DROP = 0.95
 HOUSING_SHARE, HOUSING_SLOWNESS = 0.5, 5.0
+# Of a friction that the runs' warmth has been averaged into.
+LARGEST_COEFFICIENT = 4.0
 TIME_CONSTANTS = (5.0, 15.0, 50.0, 200.0)
 
 
@@ -86,35 +90,55 @@ def _warm(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """-fv·w·v with the warmth that the model's friction power makes; every run starts cold."""
+    """-fv·w·v and -fc·w·sgn v with the warmth w that the model's friction power makes.
+
+    Shape ``carried``: whether a run starts as warm as the one before it has ended, or cold. Until fv is that
+    of the cold joint the coefficients are too large.
+    """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    upper = np.array([DESCRIPTION.parameters[0].upper])
+    upper = np.full(2, LARGEST_COEFFICIENT)
+    friction = [np.maximum(run.table[joint, [VISCOUS_PARAMETER, COULOMB_PARAMETER]], 0.0) for run in runs]
+    speed = [run.dq[:, joint] for run in runs]
+    heat = [
+        np.maximum(run.friction[:, joint] * v, 0.0) / rated_power(float(f[0]), float(f[1]), run.limits, joint)
+        for run, f, v in zip(runs, friction, speed, strict=True)
+    ]
 
     def member(shape: Mapping[str, float]) -> Member:
         columns = []
-        for run in runs:
-            viscous, coulomb = run.table[joint, [VISCOUS_PARAMETER, COULOMB_PARAMETER]]
-            rated = rated_power(max(viscous, 0.0), max(coulomb, 0.0), run.limits, joint)
-            v = run.dq[:, joint]
-            heat = np.maximum(run.friction[:, joint] * v, 0.0) / rated
-            warm = warmth(heat, 1 / (run.sample_rate * shape["time_constant"]))
-            columns.append((-max(viscous, 0.0) * warm * v)[:, None])
-        return Member(dict(shape), (joint,), single_joint(columns), np.zeros(1), upper)
+        start = 0.0
+        for run, (viscous, coulomb), v, power in zip(runs, friction, speed, heat, strict=True):
+            warm = warmth(power, 1 / (run.sample_rate * shape["time_constant"]), start)
+            start = float(warm[-1]) if shape["carried"] else 0.0
+            columns.append(-warm[:, None] * np.column_stack([viscous * v, coulomb * np.sign(v)]))
+        return Member(dict(shape), (joint,), single_joint(columns), np.zeros(2), upper)
 
-    named = coefficients_as_named(DESCRIPTION, ("drop",))
-    return grid_family(DESCRIPTION.name, joint, member, {"time_constant": TIME_CONSTANTS}, named)
+    shapes = [{"time_constant": t, "carried": c} for c in (0.0, 1.0) for t in TIME_CONSTANTS]
+    return Family(
+        effect=DESCRIPTION.name,
+        joint=joint,
+        members=tuple(member(shape) for shape in shapes[: None if len(runs) > 1 else len(TIME_CONSTANTS)]),
+        parameters=_parameters,
+        refine={"time_constant": (min(TIME_CONSTANTS), max(TIME_CONSTANTS))},
+        member=member,
+    )
 
 
-def warmth(heat: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-    """The heat state w (N,) along P / P_rated (N,); share: of the time constant in a sample."""
+def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+    named = coefficients_as_named(DESCRIPTION, ("drop", "coulomb_drop"))
+    return named(member, np.minimum(c, HIGHEST_DROP), covariance)
+
+
+def warmth(heat: Array, share: float, start: float) -> Array:
+    """The heat state w (N,) along P / P_rated (N,) from start; share: of the time constant in a sample."""
     out = np.empty_like(heat)
-    _first_order(np.ascontiguousarray(heat), share, out)
+    _first_order(np.ascontiguousarray(heat), share, start, out)
     return out
 
 
 @kernel
-def _first_order(heat, share, out):  # type: ignore[no-untyped-def]
-    state = 0.0
+def _first_order(heat, share, start, out):  # type: ignore[no-untyped-def]
+    state = start
     for t in range(heat.size):
         state += share * (heat[t] - state)
         out[t] = state
