@@ -47,7 +47,16 @@ SMALLEST_WALD = 20.0
 SPRINGS = {"gravity_spring", "cable_spring"}
 # Cycles a revolution.
 SLOWEST_RIPPLE = 8.0
-WORLD = ("encoder_offset", "encoder_eccentricity", "payload", "base_tilt", "torque_gain_error")
+# What moves the parameters that the effects' columns are taken at.
+WORLD = (
+    "encoder_offset",
+    "encoder_eccentricity",
+    "payload",
+    "base_tilt",
+    "torque_gain_error",
+    "torque_delay",
+    "thermal_friction_drift",
+)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Torque delay: every joint's torque acts later than it is reported."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from ..robot import Robot
 from .action import DRIVE, STEP, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, coefficients_as_named
+from .signature import Family, Logged, Member, coefficients_as_named, grid_family
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ DESCRIPTION = EffectDescription(
 )
 
 # Seconds; the difference over one of them is the derivative of the torque at that time scale.
-GRID = (0.0005, 0.002, 0.005, 0.01)
+GRID = (0.0005, 0.002, 0.005, 0.01, 0.02)
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -58,17 +58,18 @@ def _delay(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """reported(t) = predicted(t + delay): its difference over a delay, so that c is the delay."""
     parameter = DESCRIPTION.parameters[0]
-    members = tuple(
-        Member(
-            shape={"difference": delay},
+
+    def member(shape: Mapping[str, float]) -> Member:
+        return Member(
+            shape=dict(shape),
             rows=tuple(range(runs[0].joints)),
-            columns=tuple(_difference(run, delay)[:, :, None] for run in runs),
+            columns=tuple(_difference(run, shape["difference"])[:, :, None] for run in runs),
             lower=np.array([parameter.lower]),
             upper=np.array([parameter.upper]),
         )
-        for delay in GRID
-    )
-    return Family(DESCRIPTION.name, None, members, coefficients_as_named(DESCRIPTION, ("delay",)))
+
+    named = coefficients_as_named(DESCRIPTION, ("delay",))
+    return grid_family(DESCRIPTION.name, None, member, {"difference": GRID}, named)
 
 
 def _difference(run: Logged, delay: float) -> Array:
