@@ -10,7 +10,7 @@ from testbench.effects import effect
 from .candidates import EVENT, Place, in_parallel
 from .evidence import fitted_to, squares
 from .likelihood import Weighed, log_of_squares, odds
-from .unclaimed import foretold_shares
+from .unclaimed import fitted_shares, foretold_shares
 from .weighing import Bank, Stage
 
 # Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
@@ -20,6 +20,8 @@ BURST_TIME, BURST, BURST_SHARE, SMALLEST_SHARE = 0.1, 20, 0.5, 0.6
 BURST_TORQUE = 0.01
 # Share of the joint's squared residual from which a function of the motion is the cause.
 FORETOLD = 0.15
+# And share that one fits of it, though it does not foretell it: runs may reach different places.
+FITTED = 0.5
 # Log-likelihood that a push must add beyond the price of its coefficients.
 SMALLEST_GAIN = 7.5
 # Members that are fitted in full.
@@ -36,7 +38,8 @@ def contact(
     foretells was not pushed.
     """
     foretold = foretold_shares(stage, free)
-    burst = [joint for joint in _in_bursts(stage) if foretold[joint] < FORETOLD]
+    fitted = fitted_shares(stage, free)
+    burst = [j for j in _in_bursts(stage) if foretold[j] < FORETOLD and fitted[j] < FITTED]
     if not burst:
         return None
     # A force loads the joints before its link and not those after it, though perhaps with no arm on the last.

@@ -49,6 +49,8 @@ HEALTHY: Mapping[str, float] = {
     "torque_gain_error": 1.6,
     # A limit that clips is one, however far from the drive's rating.
     "torque_saturation": 0.0,
+    # So is a push, however weak.
+    "external_contact": 0.0,
 }
 HEALTHY_ELSE = 0.8
 # Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.

@@ -33,6 +33,8 @@ REACH_PERIODS = 0.5
 # Of the squared error beyond the limit, the share that clipping must explain, and how much larger what is
 # cut off there is than the error elsewhere, both RMS.
 SMALLEST_SHARE, STANDING_OUT = 0.9, 2.0
+# Once is enough where the command runs away to this multiple of the limit and clipping explains all but this.
+RUNAWAY, RUNAWAY_LEFT = 1.5, 0.01
 SMALLEST_GAIN = 7.5
 # Seconds without clipping that part one time from the next.
 APART = 0.5
@@ -182,7 +184,10 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     clips = clipped.sum() < (1 - SMALLEST_SHARE) * asked_for.sum()
     clips &= square / count > STANDING_OUT**2 * elsewhere / kept
     # A push makes the torque large once; a drive clips again whenever as much is asked of it.
-    clips &= np.sum(clipped < (1 - SMALLEST_SHARE) * asked_for) > 1
+    again = np.sum(clipped < (1 - SMALLEST_SHARE) * asked_for) > 1
+    largest = max(float(np.max(np.abs(torque))) for torque in asked_torque(stage.prepared, joint))
+    ran_away = largest > RUNAWAY * limit.limit and clipped.sum() < RUNAWAY_LEFT * asked_for.sum()
+    clips &= again or ran_away
     return _Trial(
         cut=limit,
         score=likelihood + prior_gain,

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .candidates import FREE
+from .evidence import squares
 from .generic import RUN_TIME
 from .likelihood import weigh
 from .noise import noise_rms
@@ -22,6 +23,9 @@ SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
 # What is left counts without any function to follow where it is this share of the joint's RMS torque, and so
 # many times the noise.
 MISFIT_TORQUE, MISFIT_NOISE = 0.1, 3.0
+# So does, at a joint without any effect, what is this share of its torque, noise, and so many times what the
+# joint in the middle of all has.
+STANDING_OUT_TORQUE, STANDING_OUT_NOISE, STANDING_OUT = 0.045, 0.75, 5.0
 NOTHING = "nothing that was tried"
 
 
@@ -43,6 +47,22 @@ def foretold_shares(stage: Stage, free: Bank) -> Array:
     for gain in stage.gains(free):
         if gain is not None and gain.candidate.family.effect != FREE + RUN_TIME:
             found = np.maximum(found, stage.shares(gain))
+    return found
+
+
+def fitted_shares(stage: Stage, free: Bank) -> Array:
+    """Largest share of each joint's squared residual that a function of the motion fits, (n,): not foretold.
+
+    Functions of the run's time are left out, as above.
+    """
+    residual = stage.weights * squares(stage.fitted.residual)
+    found = np.zeros(stage.prepared.joints)
+    for gain in stage.gains(free):
+        if gain is not None and gain.candidate.family.effect != FREE + RUN_TIME:
+            share = gain.objective / np.maximum(residual, 1e-300)
+            found = np.where(
+                np.arange(len(found)) == gain.candidate.family.joint, np.maximum(found, share), found
+            )
     return found
 
 
@@ -69,7 +89,12 @@ def unclaimed(first: Stage, last: Stage, free: Bank) -> tuple[Unclaimed, ...]:
             regime = weighed.candidate.family.effect.removeprefix(FREE)
             found[joint] = Unclaimed(joint, regime, share)
     rms = np.sqrt(last.held_squares / np.maximum(last.counts, 1))
-    unfit = (rms > MISFIT_TORQUE * last.ground.torque_rms) & (rms > MISFIT_NOISE * noise_rms(last.prepared))
+    relative, noise = rms / last.ground.torque_rms, rms / noise_rms(last.prepared)
+    unfit = (relative > MISFIT_TORQUE) & (noise > MISFIT_NOISE)
+    stands_out = (relative > STANDING_OUT_TORQUE) & (relative > STANDING_OUT * np.median(relative))
+    taken = {each.family.joint for each in last.hypothesis.accepted}
+    free_of_effects = np.array([joint not in taken for joint in range(last.prepared.joints)])
+    unfit |= stands_out & (noise > STANDING_OUT_NOISE) & free_of_effects
     for joint in np.flatnonzero(unfit & (last.held_squares > 0.5 * first.held_squares)).tolist():
         share = float(last.held_squares[joint] / first.held_squares[joint])
         found.setdefault(joint, Unclaimed(joint, NOTHING, min(share, 1.0)))
