@@ -16,6 +16,8 @@ from .weighing import Bank, Stage
 # Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
 # residual; named where it explains as much.
 BURST_TIME, BURST, BURST_SHARE, SMALLEST_SHARE = 0.1, 20, 0.5, 0.6
+# Blocks of this share of the largest one's are of the burst.
+BURST_HEIGHT = 0.2
 # And what it holds is this share of the joint's RMS torque over all the time.
 BURST_TORQUE = 0.01
 # Share of the joint's squared residual from which a function of the motion is the cause.
@@ -39,11 +41,13 @@ def contact(
     """
     foretold = foretold_shares(stage, free)
     fitted = fitted_shares(stage, free)
-    burst = [j for j in _in_bursts(stage) if foretold[j] < FORETOLD and fitted[j] < FITTED]
-    if not burst:
+    bursts = _in_bursts(stage)
+    pushed = [j for j in bursts if foretold[j] < FORETOLD and fitted[j] < FITTED]
+    if not pushed:
         return None
     # A force loads the joints before its link and not those after it, though perhaps with no arm on the last.
-    links = sorted({*burst, min(burst[-1] + 1, stage.prepared.joints - 1)})
+    last = max(j for j in pushed if not bursts[j].isdisjoint(bursts[pushed[0]]))
+    links = sorted({last, min(last + 1, stage.prepared.joints - 1)})
     logged = [run.logged for run in stage.prepared.runs]
     families = [partial(effect(EVENT).signature, logged, link, None) for link in links]
     bank = Bank(stage.ground, in_parallel(stage.prepared, families))
@@ -64,18 +68,21 @@ def contact(
     return ordered[0], tuple((w, float(p)) for w, p in zip(ordered[1:], probability[1:], strict=True))
 
 
-def _in_bursts(stage: Stage) -> list[int]:
-    """The joints at which a small part of the time holds most of the residual, and no small one."""
-    found = []
+def _in_bursts(stage: Stage) -> dict[int, set[tuple[int, int]]]:
+    """The joints at which a small part of the time holds most of the residual, and no small one.
+
+    And when: runs and numbers of the blocks that hold the most of it.
+    """
+    found = {}
     for joint in range(stage.prepared.joints):
-        blocks = [
-            float(np.mean(run[first : first + BURST, joint] ** 2))
-            for run in stage.fitted.residual
-            for first in range(0, len(run) - BURST, BURST)
-        ]
-        largest = np.sort(blocks)[::-1]
-        burst = largest[: max(round(BURST_TIME * len(blocks)), 1)].sum()
+        blocks = {
+            (run, first): float(np.mean(residual[first : first + BURST, joint] ** 2))
+            for run, residual in enumerate(stage.fitted.residual)
+            for first in range(0, len(residual) - BURST, BURST)
+        }
+        largest = sorted(blocks, key=lambda place: -blocks[place])[: max(round(BURST_TIME * len(blocks)), 1)]
+        burst = sum(blocks[place] for place in largest)
         enough = (BURST_TORQUE * stage.ground.torque_rms[joint]) ** 2 * len(blocks)
-        if burst > BURST_SHARE * largest.sum() and burst > enough:
-            found.append(joint)
+        if burst > BURST_SHARE * sum(blocks.values()) and burst > enough:
+            found[joint] = {place for place in largest if blocks[place] > BURST_HEIGHT * blocks[largest[0]]}
     return found
