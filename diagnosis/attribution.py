@@ -42,11 +42,11 @@ Array = NDArray[np.float64]
 MOST_EFFECTS, MOST_TERMS = 6, 10
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
-# A trace that is 4.5 standard deviations large: what misfit leaves rarely is.
-SMALLEST_WALD = 20.0
+# A trace of four standard deviations, and its share of some joint's rest: what misfit leaves rarely is.
+SMALLEST_WALD, SMALLEST_TRACE = 16.0, 0.025
 SPRINGS = {"gravity_spring", "cable_spring"}
 # Cycles a revolution.
-SLOWEST_RIPPLE = 8.0
+SLOWEST_RIPPLE = 10.0
 # What moves the parameters that the effects' columns are taken at.
 WORLD = (
     "encoder_offset",
@@ -106,12 +106,16 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     base = ground(prepared)
     proposals, free = (Bank(base, c) for c in (candidates(prepared, early), generic_candidates(prepared)))
     original, limits = Stage(base, hypothesis, fitted), cuts(prepared)
+    # What an effect of the whole robot explains at a joint has nothing to do with the joint's own.
+    apart = original
     accepted: list[Accepted] = []
     weighed: list[Weighed] = []
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
         stage = Stage(base, hypothesis, fitted)
         before = [item.candidate for item in accepted]
         weighed = _open(stage, before, proposals, sized)
+        if before and before[-1].family.joint is None:
+            apart = stage
         found = _next(original, stage, before, weighed, free, limits, sized, without)
         if found is None:
             break
@@ -131,7 +135,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
                 rivals=found.rivals,
                 share=float(stage.shares(best.gain).max()),
                 worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / base.torque_rms**2)),
-                named=beyond and is_main(original, stage, best.gain, somewhere) and found.is_certain,
+                named=beyond and is_main(apart, stage, best.gain, somewhere) and found.is_certain(stage),
                 is_trace=found.is_trace,
             )
         )
@@ -167,13 +171,15 @@ class _Found:
     trial: tuple[Design, Fit]
     is_trace: bool = False
 
-    @property
-    def is_certain(self) -> bool:
-        """Whether a trace's size is known well enough for a name: Wald's statistic. Other effects show."""
+    def is_certain(self, stage: Stage) -> bool:
+        """Whether a trace at a stage is known well enough for a name, as other effects are anyway."""
+        if not self.is_trace:
+            return True
         own = slice(-self.best.candidate.count, None)
         fitted = self.trial[1]
+        # Wald's statistic.
         size = fitted.values[own] @ np.linalg.pinv(fitted.covariance[own, own]) @ fitted.values[own]
-        return not self.is_trace or bool(size > SMALLEST_WALD)
+        return bool(size > SMALLEST_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
 
 
 def _open(stage: Stage, before: Sequence[Candidate], proposals: Bank, sized: Robot) -> list[Weighed]:

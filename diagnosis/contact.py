@@ -1,11 +1,13 @@
 """A push of the surroundings: short bursts in what is left, which no function of the state explains."""
 
 from collections.abc import Collection
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from testbench.effects import effect
+from testbench.effects.logged import Logged
 
 from .candidates import EVENT, Place, in_parallel
 from .evidence import fitted_to, squares
@@ -48,7 +50,7 @@ def contact(
     # A force loads the joints before its link and not those after it, though perhaps with no arm on the last.
     last = max(j for j in pushed if not bursts[j].isdisjoint(bursts[pushed[0]]))
     links = sorted({last, min(last + 1, stage.prepared.joints - 1)})
-    logged = [run.logged for run in stage.prepared.runs]
+    logged = _without_effects(stage)
     families = [partial(effect(EVENT).signature, logged, link, None) for link in links]
     bank = Bank(stage.ground, in_parallel(stage.prepared, families))
     gains = [g for g in stage.gains(bank) if g is not None and g.candidate.place not in taken]
@@ -64,8 +66,21 @@ def contact(
     ordered = sorted((weighed for _, weighed in likeliest.values()), key=lambda w: -w.score)
     if not ordered or ordered[0].score < SMALLEST_GAIN:
         return None
-    probability = odds([weighed.score for weighed in ordered])
+    probability = odds([weighed.score for weighed in ordered], ordered[0].score)
     return ordered[0], tuple((w, float(p)) for w, p in zip(ordered[1:], probability[1:], strict=True))
+
+
+def _without_effects(stage: Stage) -> list[Logged]:
+    """The runs without the torque of the effects taken in, so that a push stands out."""
+    found = []
+    for index, run in enumerate(stage.prepared.runs):
+        tau, start = run.logged.tau.copy(), stage.hypothesis.parameters
+        for each in stage.hypothesis.accepted:
+            own = stage.fitted.values[start : start + each.count]
+            tau -= each.member.spread(index, stage.prepared.joints) @ own
+            start += each.count
+        found.append(replace(run.logged, tau=tau))
+    return found
 
 
 def _in_bursts(stage: Stage) -> dict[int, set[tuple[int, int]]]:

@@ -24,8 +24,9 @@ Array = NDArray[np.float64]
 # Independent samples per decimated one: the low-pass leaves about a quarter of the decimated band to noise,
 # and what is left beside noise is coloured too.
 INDEPENDENT = 0.25
-# How sharply a difference in log-likelihood is believed: misfit is not noise.
-TEMPERATURE = 4.0
+# How sharply a difference in log-likelihood is believed: misfit is not noise. No law is quite the robot's, so
+# a difference also counts against this share of what is explained at all.
+TEMPERATURE, OF_EXPLAINED = 4.0, 0.02
 
 
 @dataclass(frozen=True)
@@ -86,8 +87,11 @@ def weigh(stage: Stage, bank: Bank) -> list[Weighed]:
     return sorted(families.values(), key=lambda w: -w.score)
 
 
-def odds(log_likelihoods: Sequence[float]) -> Array:
-    """Probabilities of hypotheses, one of which is taken to be true; summing to one."""
+def odds(log_likelihoods: Sequence[float], explained: float) -> Array:
+    """Probabilities of hypotheses, one of which is taken to be true; summing to one.
+
+    explained: what the best of them adds to none of them.
+    """
     values = np.asarray(log_likelihoods)
-    weights = np.exp((values - values.max()) / TEMPERATURE)
+    weights = np.exp((values - values.max()) / max(TEMPERATURE, OF_EXPLAINED * explained))
     return weights / weights.sum()

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from identification.parameters import COULOMB, PER_JOINT, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
-from testbench.effects.size import scale_of, typical_range
+from testbench.effects.size import scale_of, speed_limit, typical_range
 from testbench.robot import Robot
 
 from .candidates import Candidate
-from .likelihood import gained_by_shift, gained_elsewhere
+from .likelihood import gained, gained_by_shift, gained_elsewhere
 from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]
@@ -28,12 +28,16 @@ SMALLEST_SHARE = 0.10
 SMALLEST_TORQUE = 0.006
 # ... or the log-likelihood of the parameters' shift that it must spare, where it is swallowed by them.
 SMALLEST_SHIFT = 7.5
+# And what must be left of that with what it does to runs left out.
+SMALLEST_SUM = 6.0
 HIDDEN_OVERLAP = 0.9
 # What one joint's misfit can imitate is no effect of the whole robot.
 SMALLEST_ELSEWHERE = 7.5
 # Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
 # because its law is not quite the robot's is less.
 NAMED_SHARE, SECOND_SHARE = 0.05, 0.2
+# At a joint that has an effect already: or this share of what is left there, and of its RMS torque.
+SECOND_LEFT, SECOND_TORQUE = 0.5, 0.02
 # And the share of what is left there when it is taken in: imperfections that are no smaller would not let
 # it be told from them.
 STANDING_OUT = 0.2
@@ -42,6 +46,9 @@ STANDING_OUT = 0.2
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
 HEALTHY: Mapping[str, float] = {
     "asymmetric_friction": 2.0,
+    "stribeck_friction": 1.0,
+    # Ripple's typical range is of the torque limit, and few motions need so much.
+    "transmission_ripple": 0.4,
     "torque_delay": 12.0,
     "encoder_eccentricity": 500.0,
     "encoder_offset": 15.0,
@@ -65,6 +72,9 @@ BOUNDED = (
 )
 # A spring that holds less than this share of the Coulomb friction may be any cable.
 SPRING, SPRING_COULOMB = "gravity_spring", 0.1
+# The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the torque at
+# the speed limit by this share, if mildly.
+BENDING, BENT = "nonlinear_viscous_friction", 0.1
 # An effect's size is its first parameter, or the largest of these.
 SIZES: Mapping[str, tuple[str, ...]] = {
     "asymmetric_friction": ("offset", "viscous_difference"),
@@ -78,7 +88,8 @@ def is_material(stage: Stage, gain: Gain, is_best: bool = False) -> bool:
     family = gain.candidate.family
     if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
         return False
-    if gain.overlap > HIDDEN_OVERLAP and gained_by_shift(stage, gain) > SMALLEST_SHIFT:
+    shifts = gained_by_shift(stage, gain) > SMALLEST_SHIFT and gained(stage, gain) > SMALLEST_SUM
+    if gain.overlap > HIDDEN_OVERLAP and shifts:
         return True
     removed = np.sqrt(np.maximum(gain.held_out, 0) / np.maximum(stage.counts, 1))
     enough = (stage.shares(gain) > SMALLEST_SHARE) & (removed > SMALLEST_TORQUE * stage.ground.torque_rms)
@@ -90,7 +101,7 @@ def is_material(stage: Stage, gain: Gain, is_best: bool = False) -> bool:
 
 
 def is_main(first: Stage, stage: Stage, gain: Gain, named: Collection[int | None]) -> bool:
-    """Whether it explains a fair part of what re-identification left of some joint, at the first stage.
+    """Whether it explains a fair part of some joint's residual of the first stage, re-identification's rest.
 
     named: joints at which an effect has been named already. What a law that is not quite the robot's leaves
     is at the same joint, and a good part of it can be imitated: a second effect there must explain more.
@@ -100,7 +111,10 @@ def is_main(first: Stage, stage: Stage, gain: Gain, named: Collection[int | None
     if gain.candidate.is_event:
         return True
     if family.joint is not None and family.joint in named:
-        return bool(shares[family.joint] > SECOND_SHARE)
+        removed = np.sqrt(np.maximum(gain.held_out, 0) / np.maximum(stage.counts, 1))[family.joint]
+        large = removed > SECOND_TORQUE * stage.ground.torque_rms[family.joint]
+        left = bool(large and stage.shares(gain)[family.joint] > SECOND_LEFT)
+        return left or bool(shares[family.joint] > SECOND_SHARE)
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
     if family.joint is not None and stage.shares(gain)[list(gain.candidate.member.rows)].max() < STANDING_OUT:
@@ -125,7 +139,7 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
     if family.effect in BOUNDED:
         parameter = effect(family.effect).DESCRIPTION.parameters[0]
         mild, severe = typical_range(parameter, robot, family.joint)
-        amount = float(np.max(np.abs(values[parameter.name].value)))
+        amount = _number(values[parameter.name])
         return amount <= LARGEST * severe if severe >= mild else amount >= severe / LARGEST
     return True
 
@@ -152,10 +166,18 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
             if family.effect == SPRING:
                 mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
             severe = max(mild, severe)
-        value = float(np.max(np.abs(values[name].value)))
+        value = _number(values[name])
+        if family.effect == BENDING and (exponent := _number(values["exponent"])) > 1:
+            assert family.joint is not None
+            value *= speed_limit(robot, family.joint) ** exponent
+            mild = BENT * scale_of("viscous_torque", robot, family.joint)
         small, large = (value, mild) if severe >= mild else (mild, value)
         largest = max(largest, small / large if large > 0 else np.inf)
     return largest
+
+
+def _number(quantity: Quantity) -> float:
+    return float(np.max(np.abs(quantity.value)))
 
 
 def with_friction(robot: Robot, parameters: Array) -> Robot:

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 SHORTLIST = 4
 # What keeps less than this share of its log-likelihood once another effect is in explains the same thing.
 RIVAL_LEFT = 0.5
+# First step of a refinement, as a share of the shape's range.
+STEP = 0.12
 
 
 def choose(
@@ -37,7 +39,7 @@ def choose(
     for index, (weighed, gain) in enumerate(zip(shortlist, left, strict=True)):
         if index != first and (gain is None or gained(after, gain) < RIVAL_LEFT * weighed.score):
             kept.append(index)
-    probability = odds([likelihoods[index] for index in kept])
+    probability = odds([likelihoods[index] for index in kept], shortlist[first].score)
     rivals = zip((shortlist[index] for index in kept[1:]), probability[1:].tolist(), strict=True)
     return shortlist[first], tuple(sorted(rivals, key=lambda r: -r[1])), trials[first]
 
@@ -69,6 +71,8 @@ def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:
         return -score
 
     start = (np.array([weighed.candidate.member.shape[name] for name in names]) - lower) / span
-    simplex = np.vstack([start, *(np.clip(start + 0.12 * e, 0, 1) for e in np.eye(len(names)))])
+    # Inward from the end of a range.
+    step = np.where(start + STEP > 1, -STEP, STEP)
+    simplex = np.vstack([start, start + np.diag(step)])
     minimize(negative, start, method="Nelder-Mead", options={"maxfev": 14, "initial_simplex": simplex})
     return best

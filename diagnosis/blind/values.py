@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from testbench.effects import effect, injection
 from testbench.effects.base import EffectParameter, Injection, Scope
 from testbench.effects.signature import places
-from testbench.effects.size import SPEED, scale_of, typical_range, typical_values
+from testbench.effects.size import scale_of, speed_limit, typical_range, typical_values
 from testbench.robot import Robot
 
 Array = NDArray[np.float64]
@@ -92,11 +92,10 @@ def drawn_injection(
         bends = bool(rng.random() < 0.5)
         values["exponent"] = float(rng.uniform(*(BENDING if bends else FLATTENING)))
         if bends:
-            limit = float(robot.limits.velocity[joint])
             # The typical coefficient is that of a small exponent.
             at_limit = (BENT[0] + severity * (BENT[1] - BENT[0])) * scale_of("viscous_torque", robot, joint)
-            speed = limit if np.isfinite(limit) else SPEED
-            values["coefficient"] = float(rng.choice((-1.0, 1.0))) * at_limit / speed ** values["exponent"]
+            speed = speed_limit(robot, joint) ** values["exponent"]
+            values["coefficient"] = float(rng.choice((-1.0, 1.0))) * at_limit / speed
     if name == "torque_saturation":
         assert joint is not None
         clipped = CLIPPED[0] + severity * (CLIPPED[1] - CLIPPED[0])

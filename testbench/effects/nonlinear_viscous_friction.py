@@ -62,14 +62,18 @@ def _level(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """The power law on a grid of exponents."""
+    """The power law on a grid of exponents; it flattens friction by those below 1, and bends it by others.
+
+    Falling by an exponent below 1, steepest at rest, is what Stribeck friction does.
+    """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     free = np.full(1, np.inf)
 
     def member(shape: Mapping[str, float]) -> Member:
         speeds = [run.dq[:, joint] for run in runs]
         columns = [(np.abs(v) ** shape["exponent"] * np.sign(v))[:, None] for v in speeds]
-        return Member(dict(shape), (joint,), single_joint(columns), -free, free)
+        lower = np.zeros(1) if shape["exponent"] < 1 else -free
+        return Member(dict(shape), (joint,), single_joint(columns), lower, free)
 
     named = coefficients_as_named(DESCRIPTION, ("coefficient",))
     return grid_family(DESCRIPTION.name, joint, member, {"exponent": EXPONENTS}, named)

@@ -56,6 +56,12 @@ def scale_of(relative_to: str, robot: Robot, joint: int | None) -> float:
     return float(scales[relative_to][joint])
 
 
+def speed_limit(robot: Robot, joint: int) -> float:
+    """The joint's speed limit, rad/s or m/s; where it has none, what arms of any size know."""
+    limit = float(robot.limits.velocity[joint])
+    return limit if np.isfinite(limit) else SPEED
+
+
 class _Key:
     """A robot as a key: equal when it is the same object."""
 
@@ -87,7 +93,7 @@ def _scales(key: _Key) -> dict[str, Array]:
     for joint, unit in enumerate(np.eye(n)):
         moved = inverse_dynamics(robot.chain, links.ravel(), poses, still, still + unit, threads=1)
         inertia[:, joint] = (moved - gravity)[:, joint]
-    speed = np.where(np.isfinite(limits.velocity), limits.velocity, SPEED)
+    speed = np.array([speed_limit(robot, joint) for joint in range(n)])
     return {
         "coulomb": table[:, COULOMB],
         "viscous": table[:, VISCOUS],

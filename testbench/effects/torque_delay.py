@@ -25,8 +25,9 @@ DESCRIPTION = EffectDescription(
     confused_with=("actuator_lag", "joint_elasticity"),
 )
 
-# Seconds; the difference over one of them is the derivative of the torque at that time scale.
-GRID = (0.0005, 0.002, 0.005, 0.01, 0.02)
+# Seconds. The difference over one of them tells delays up to this factor from it.
+GRID = (0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032)
+NEAR = 1.5
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -57,15 +58,15 @@ def _delay(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """reported(t) = predicted(t + delay): its difference over a delay, so that c is the delay."""
-    parameter = DESCRIPTION.parameters[0]
+    smallest = DESCRIPTION.parameters[0].lower
 
     def member(shape: Mapping[str, float]) -> Member:
         return Member(
             shape=dict(shape),
             rows=tuple(range(runs[0].joints)),
             columns=tuple(_difference(run, shape["difference"])[:, :, None] for run in runs),
-            lower=np.array([parameter.lower]),
-            upper=np.array([parameter.upper]),
+            lower=np.array([shape["difference"] / NEAR if shape["difference"] > GRID[0] else smallest]),
+            upper=np.array([shape["difference"] * NEAR]),
         )
 
     named = coefficients_as_named(DESCRIPTION, ("delay",))
