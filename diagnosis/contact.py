@@ -29,7 +29,7 @@ FITTED = 0.5
 # Log-likelihood that a push must add beyond the price of its coefficients.
 SMALLEST_GAIN = 7.5
 # Members that are fitted in full.
-TRIALS = 8
+TRIALS = 5
 
 
 def contact(

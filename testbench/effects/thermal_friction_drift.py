@@ -54,7 +54,7 @@ HIGHEST_DROP = 0.95
 HOUSING_SHARE, HOUSING_SLOWNESS = 0.5, 5.0
 # Of a friction that the runs' warmth has been averaged into.
 LARGEST_COEFFICIENT = 4.0
-TIME_CONSTANTS = (5.0, 15.0, 50.0, 200.0)
+TIME_CONSTANTS = (5.0, 20.0, 80.0)
 
 
 def rated_power(viscous: float, coulomb: float, limits: Limits, joint: int) -> float:

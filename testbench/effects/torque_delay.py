@@ -26,8 +26,8 @@ DESCRIPTION = EffectDescription(
 )
 
 # Seconds. The difference over one of them tells delays up to this factor from it.
-GRID = (0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032)
-NEAR = 1.5
+GRID = (0.0005, 0.00125, 0.003, 0.0075, 0.02)
+NEAR = 1.6
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
