@@ -62,6 +62,29 @@ def test_what_re_identification_swallows_is_found_in_the_shift_of_the_parameters
     assert found.effects[0].parameters["offset"].value == pytest.approx(0.4, rel=0.2)
 
 
+def test_a_law_is_refined_from_the_end_of_its_range(arm):
+    first = _diagnosis(arm, "stribeck_friction:shoulder:extra=1.2,velocity=0.45,exponent=2").effects[0]
+    assert (first.effect, first.joint) == ("stribeck_friction", 0)
+    assert first.parameters["velocity"].value == pytest.approx(0.45, rel=0.15)
+
+
+def test_a_long_delay_is_named_alone(arm):
+    found = _diagnosis(arm, "torque_delay::delay=0.008")
+    assert [effect.effect for effect in found.effects] == ["torque_delay"]
+    assert found.effects[0].parameters["delay"].value == pytest.approx(0.008, rel=0.05)
+
+
+def test_what_no_motion_foretells_is_unknown_where_it_stands_out(models):
+    robot = load_robot(models / "tx90.xml")
+    runs = {}
+    for name, run in simulated_runs(robot, [], runs=2).items():
+        torque = run.torque.copy()
+        torque[:, 2] += 0.12 * np.std(torque[:, 2]) * np.sin(2 * np.pi * 3.7 * run.time)
+        runs[name] = replace(run, torque=torque)
+    found = diagnose(robot, runs)
+    assert (found.verdict, found.where[0].joint) == ("unknown", 2)
+
+
 def test_an_effect_that_is_taken_out_of_the_catalogue_is_not_named(arm):
     text = "transmission_ripple:elbow:amplitude=0.8,cycles=3"
     found = _diagnosis(arm, text, without=("transmission_ripple", "external_contact"))

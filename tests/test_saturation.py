@@ -40,7 +40,7 @@ def test_a_limit_is_found_however_much_more_is_asked_for(arm, share, law, tolera
 def test_a_push_is_no_limit(arm):
     text = "external_contact:elbow:torque=6,start=3,duration=0.5"
     named = _named(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3))
-    assert [item.candidate.family.effect for item in named] == ["external_contact"]
+    assert [item.candidate.place for item in named] == [("external_contact", 1, None)]
 
 
 def test_a_healthy_arm_clips_nothing(arm):
