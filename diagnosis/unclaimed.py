@@ -59,10 +59,8 @@ def fitted_shares(stage: Stage, free: Bank) -> Array:
     found = np.zeros(stage.prepared.joints)
     for gain in stage.gains(free):
         if gain is not None and gain.candidate.family.effect != FREE + RUN_TIME:
-            share = gain.objective / np.maximum(residual, 1e-300)
-            found = np.where(
-                np.arange(len(found)) == gain.candidate.family.joint, np.maximum(found, share), found
-            )
+            joint = list(gain.candidate.member.rows)
+            found[joint] = np.maximum(found[joint], gain.objective / np.maximum(residual[joint], 1e-300))
     return found
 
 

@@ -113,11 +113,13 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
             columns.append(-warm[:, None] * np.column_stack([viscous * v, coulomb * np.sign(v)]))
         return Member(dict(shape), (joint,), single_joint(columns), np.zeros(2), upper)
 
-    shapes = [{"time_constant": t, "carried": c} for c in (0.0, 1.0) for t in TIME_CONSTANTS]
+    # One run alone carries nothing.
+    carried = (0.0, 1.0) if len(runs) > 1 else (0.0,)
+    shapes = [{"time_constant": t, "carried": c} for c in carried for t in TIME_CONSTANTS]
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,
-        members=tuple(member(shape) for shape in shapes[: None if len(runs) > 1 else len(TIME_CONSTANTS)]),
+        members=tuple(member(shape) for shape in shapes),
         parameters=_parameters,
         refine={"time_constant": (min(TIME_CONSTANTS), max(TIME_CONSTANTS))},
         member=member,
