@@ -92,7 +92,9 @@ def gap_by_joint(diagnosis: Diagnosis) -> go.Figure:
         )
     marker = {"symbol": "line-ew", "size": 30, "line": {"width": 2.5, "color": FLOOR}}
     figure.add_scatter(x=names, y=gap.noise_floor, mode="markers", name="noise floor", marker=marker)
-    figure.update_yaxes(title=f"RMS error, {torque_unit(diagnosis.robot)}", type="log", tickformat="~g")
+    figure.update_yaxes(
+        title=f"RMS error, {torque_unit(diagnosis.robot)}", type="log", tickformat="~g", dtick="D2"
+    )
     return figure
 
 
