@@ -18,7 +18,7 @@ from testbench.robot import Robot
 
 from .candidates import EVENT, SATURATION, Candidate, candidate, candidates
 from .contact import contact
-from .evidence import Design, Fit, fitted_to, log_prior, squares
+from .evidence import DELAY, Design, Fit, fitted_to, log_prior, squares
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
@@ -45,6 +45,7 @@ CONFUSABLE = 0.1
 # A trace of four standard deviations, and its share of some joint's rest: what misfit leaves rarely is.
 SMALLEST_WALD, SMALLEST_TRACE = 16.0, 0.025
 SPRINGS = {"gravity_spring", "cable_spring"}
+LAG = "actuator_lag"
 # Cycles a revolution.
 SLOWEST_RIPPLE = 10.0
 # What moves the parameters that the effects' columns are taken at.
@@ -158,7 +159,12 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     hidden = not_observable(sized, base.torque_rms, open_)
     misfit = {item.joint for item in unknown}
     # What is named beside a larger misfit of the same joint only imitates a part of it.
-    accepted = [replace(a, named=a.named and a.candidate.family.joint not in misfit) for a in accepted]
+    accepted = [
+        replace(
+            a, named=a.named and a.candidate.family.joint not in misfit and not _is_rest_of_delay(a, accepted)
+        )
+        for a in accepted
+    ]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 
@@ -239,6 +245,12 @@ def _laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) -
             share = 1 - float(last.held_squares[joint] / max(float(first.held_squares[joint]), 1e-300))
             found.append(Unclaimed(joint, "position", share))
     return tuple(found)
+
+
+def _is_rest_of_delay(item: Accepted, accepted: Sequence[Accepted]) -> bool:
+    """A lag beside a delay: what a delay that shakes the controller leaves at one joint looks like it."""
+    delayed = any(other.named and other.candidate.family.effect == DELAY for other in accepted)
+    return delayed and item.candidate.family.effect == LAG
 
 
 def _is_of_position(item: Accepted) -> bool:

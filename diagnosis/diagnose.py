@@ -25,7 +25,7 @@ PARAMETERS_SHARE = 0.12
 PARAMETERS_TORQUE = 0.01
 # How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases
 # (docs/blind.md): of the first that is named, of the second, and of those after it.
-NAMED = (0.96, 0.85, 0.5)
+NAMED = (0.97, 0.87, 0.4)
 
 
 def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
