@@ -42,8 +42,9 @@ Array = NDArray[np.float64]
 MOST_EFFECTS, MOST_TERMS = 6, 10
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
-# A trace of four standard deviations, and its share of some joint's rest: what misfit leaves rarely is.
-SMALLEST_WALD, SMALLEST_TRACE = 16.0, 0.025
+# Wald's statistic of what is named: five standard deviations. A trace may have four, with this share of some
+# joint's rest: what misfit leaves rarely has.
+SMALLEST_WALD, TRACE_WALD, SMALLEST_TRACE = 25.0, 16.0, 0.025
 SPRINGS = {"gravity_spring", "cable_spring"}
 LAG = "actuator_lag"
 # Cycles a revolution.
@@ -178,14 +179,19 @@ class _Found:
     is_trace: bool = False
 
     def is_certain(self, stage: Stage) -> bool:
-        """Whether a trace at a stage is known well enough for a name, as other effects are anyway."""
-        if not self.is_trace:
+        """Whether its size is known well enough for a name.
+
+        Pushes, limits and what shows in the parameters' shift are judged where they are sought.
+        """
+        family = self.best.candidate.family
+        if family.effect in (EVENT, SATURATION) or (family.swallowed and not self.is_trace):
             return True
         own = slice(-self.best.candidate.count, None)
         fitted = self.trial[1]
-        # Wald's statistic.
-        size = fitted.values[own] @ np.linalg.pinv(fitted.covariance[own, own]) @ fitted.values[own]
-        return bool(size > SMALLEST_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
+        wald = fitted.values[own] @ np.linalg.pinv(fitted.covariance[own, own]) @ fitted.values[own]
+        if self.is_trace:
+            return bool(wald > TRACE_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
+        return bool(wald > SMALLEST_WALD)
 
 
 def _open(stage: Stage, before: Sequence[Candidate], proposals: Bank, sized: Robot) -> list[Weighed]:

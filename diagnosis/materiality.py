@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from identification.parameters import COULOMB, PER_JOINT, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
-from testbench.effects.size import scale_of, speed_limit, typical_range
+from testbench.effects.size import scale_of, typical_range
 from testbench.robot import Robot
 
 from .candidates import Candidate
@@ -72,8 +72,8 @@ BOUNDED = (
 )
 # A spring that holds less than this share of the Coulomb friction may be any cable.
 SPRING, SPRING_COULOMB = "gravity_spring", 0.1
-# The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the torque at
-# the speed limit by this share, if mildly.
+# The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the viscous
+# torque by this share, if mildly.
 BENDING, BENT = "nonlinear_viscous_friction", 0.1
 # An effect's size is its first parameter, or the largest of these.
 SIZES: Mapping[str, tuple[str, ...]] = {
@@ -167,10 +167,13 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
                 mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
             severe = max(mild, severe)
         value = _number(values[name])
-        if family.effect == BENDING and (exponent := _number(values["exponent"])) > 1:
+        if family.effect == BENDING and _number(values["exponent"]) > 1:
             assert family.joint is not None
-            value *= speed_limit(robot, family.joint) ** exponent
-            mild = BENT * scale_of("viscous_torque", robot, family.joint)
+            # At the highest speed of the runs; beyond it nothing is known.
+            power = max(float(np.abs(column).max()) for column in candidate.member.columns)
+            value *= power
+            speed = power ** (1 / _number(values["exponent"]))
+            mild = BENT * speed * scale_of("viscous", robot, family.joint)
         small, large = (value, mild) if severe >= mild else (mild, value)
         largest = max(largest, small / large if large > 0 else np.inf)
     return largest
