@@ -153,11 +153,15 @@ def _explained(family: Family, run: Logged, weights: Array, basis: Array, left: 
         return best
     ((name, _),) = family.refine.items()
     grid = sorted(member.shape[name] for member in family.members)
-    near = grid.index(family.members[shares.index(best)].shape[name])
+    shape = family.members[shares.index(best)].shape
+    near = grid.index(shape[name])
     around = grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)]
     make = family.member
     refined = minimize_scalar(
-        lambda value: -share(make({name: value})), bounds=around, method="bounded", options={"maxiter": 16}
+        lambda value: -share(make(shape | {name: value})),
+        bounds=around,
+        method="bounded",
+        options={"maxiter": 16},
     )
     return max(best, -float(refined.fun))
 
