@@ -16,9 +16,10 @@ from identification.parameters import PER_JOINT
 from testbench.effects import effects
 from testbench.robot import Robot
 
+from .accepted import Accepted, is_rest_of_delay, laws_of_position
 from .candidates import EVENT, SATURATION, Candidate, candidate, candidates
 from .contact import contact
-from .evidence import DELAY, Design, Fit, fitted_to, log_prior, squares
+from .evidence import Design, Fit, fitted_to, log_prior, squares
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
@@ -45,12 +46,9 @@ CONFUSABLE = 0.1
 # Wald's statistic of what is named: five standard deviations. A trace may have four, with this share of some
 # joint's rest: what misfit leaves rarely has.
 SMALLEST_WALD, TRACE_WALD, SMALLEST_TRACE = 25.0, 16.0, 0.025
-SPRINGS = {"gravity_spring", "cable_spring"}
-LAG = "actuator_lag"
-# Cycles a revolution.
-SLOWEST_RIPPLE = 10.0
-# What moves the parameters that the effects' columns are taken at.
-WORLD = (
+# Beside these the runs are linearised anew: they move the parameters that columns are taken at, or their own
+# columns hold near what was fitted only.
+RELINEARISED = (
     "encoder_offset",
     "encoder_eccentricity",
     "payload",
@@ -59,24 +57,6 @@ WORLD = (
     "torque_delay",
     "thermal_friction_drift",
 )
-
-
-@dataclass(frozen=True)
-class Accepted:
-    """An effect taken in, with the rivals it was preferred to at its stage and their probabilities.
-
-    share: of some joint's held-out squared residual, the largest. worth: mean squares that it took off the
-    joints' residuals, each by its own torque, summed. named: whether it is larger than on any healthy robot.
-    is_trace: found by a trace that only shows beside every joint's imperfections.
-    """
-
-    candidate: Candidate
-    probability: float
-    rivals: tuple[tuple[Weighed, float], ...]
-    share: float
-    worth: float
-    named: bool = True
-    is_trace: bool = False
 
 
 @dataclass(frozen=True)
@@ -142,7 +122,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
             )
         )
         hypothesis, fitted = found.trial
-        if best.candidate.family.effect in WORLD:
+        if best.candidate.family.effect in RELINEARISED:
             prepared = linearised(prepared, hypothesis, fitted)
             base = ground(prepared)
             proposals = Bank(base, candidates(prepared, early))
@@ -154,18 +134,14 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
             break
     accepted, hypothesis, fitted = _pruned(base, accepted, hypothesis, fitted)
     last = Stage(base, hypothesis, fitted)
-    unknown = (*unclaimed(original, last, free), *_laws_of_position(original, last, accepted))
+    unknown = (*unclaimed(original, last, free), *laws_of_position(original, last, accepted))
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
     hidden = not_observable(sized, base.torque_rms, open_)
     misfit = {item.joint for item in unknown}
     # What is named beside a larger misfit of the same joint only imitates a part of it.
-    accepted = [
-        replace(
-            a, named=a.named and a.candidate.family.joint not in misfit and not _is_rest_of_delay(a, accepted)
-        )
-        for a in accepted
-    ]
+    imitates = [a.candidate.family.joint in misfit or is_rest_of_delay(a, accepted) for a in accepted]
+    accepted = [replace(a, named=a.named and not other) for a, other in zip(accepted, imitates, strict=True)]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 
@@ -240,29 +216,6 @@ def _next(
         return None
     best, rivals, _ = choose(after, after.hypothesis.accepted, traces)
     return _Found(best, rivals, fitted_to(stage.prepared, [*before, best.candidate]), is_trace=True)
-
-
-def _laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
-    """Joints at which it takes two laws of position: together they are one that no catalogue holds."""
-    found = []
-    for joint in range(first.prepared.joints):
-        laws = [a for a in accepted if a.named and a.candidate.family.joint == joint and _is_of_position(a)]
-        if len({item.candidate.family.effect for item in laws}) > 1:
-            share = 1 - float(last.held_squares[joint] / max(float(first.held_squares[joint]), 1e-300))
-            found.append(Unclaimed(joint, "position", share))
-    return tuple(found)
-
-
-def _is_rest_of_delay(item: Accepted, accepted: Sequence[Accepted]) -> bool:
-    """A lag beside a delay: what a delay that shakes the controller leaves at one joint looks like it."""
-    delayed = any(other.named and other.candidate.family.effect == DELAY for other in accepted)
-    return delayed and item.candidate.family.effect == LAG
-
-
-def _is_of_position(item: Accepted) -> bool:
-    """A spring, or a ripple too slow for the teeth of any gear."""
-    slow = item.candidate.member.shape.get("cycles", np.inf) < SLOWEST_RIPPLE
-    return item.candidate.family.effect in SPRINGS or slow
 
 
 def linearised(prepared: Prepared, hypothesis: Design, fitted: Fit) -> Prepared:

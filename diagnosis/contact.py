@@ -74,11 +74,9 @@ def _without_effects(stage: Stage) -> list[Logged]:
     """The runs without the torque of the effects taken in, so that a push stands out."""
     found = []
     for index, run in enumerate(stage.prepared.runs):
-        tau, start = run.logged.tau.copy(), stage.hypothesis.parameters
-        for each in stage.hypothesis.accepted:
-            own = stage.fitted.values[start : start + each.count]
-            tau -= each.member.spread(index, stage.prepared.joints) @ own
-            start += each.count
+        tau = run.logged.tau.copy()
+        for each, part in zip(stage.hypothesis.accepted, stage.hypothesis.parts, strict=True):
+            tau -= each.member.spread(index, stage.prepared.joints) @ stage.fitted.values[part]
         found.append(replace(run.logged, tau=tau))
     return found
 

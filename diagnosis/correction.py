@@ -62,12 +62,10 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
     robot, logged = diagnosis.robot, diagnosis.prepared.runs[0].logged
     parameters, parameters_timing = _standard(diagnosis, *diagnosis.parameters_only)
     hypothesis, fitted = diagnosis.final
-    terms, start = [], hypothesis.parameters
-    for accepted in hypothesis.accepted:
-        family, member = accepted.family, accepted.member
-        coefficients = fitted.values[start : start + member.count]
-        terms.append(Term(family.effect, family.joint, family.into, dict(member.shape), coefficients))
-        start += member.count
+    terms = [
+        Term(*accepted.place, dict(accepted.member.shape), fitted.values[part])
+        for accepted, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
+    ]
     return Corrected(
         chain=robot.chain,
         limits=robot.limits,

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .attribution import CONFUSABLE, Accepted, Attribution, attribute, standard_values
+from .accepted import Accepted
+from .attribution import CONFUSABLE, Attribution, attribute, standard_values
 from .evidence import Design
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
 from .intervals import rms_interval
@@ -113,8 +114,7 @@ def _torque(prepared: Prepared) -> Array:
 def _named(found: Attribution, index: int) -> NamedEffect:
     accepted: Accepted = found.accepted[index]
     hypothesis, fitted = found.hypothesis, found.fitted
-    start = hypothesis.parameters + sum(a.candidate.count for a in found.accepted[:index])
-    part = slice(start, start + accepted.candidate.count)
+    part = hypothesis.parts[index]
     member, family = accepted.candidate.member, accepted.candidate.family
     shapes = len(family.refine)
     covariance = np.zeros((member.count + shapes, member.count + shapes))

@@ -8,6 +8,7 @@ chi-squared for coloured residuals too.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,12 @@ class Design:
     def used(self) -> tuple[NDArray[np.bool_], ...]:
         """The samples that count, a run (M, n)."""
         return tuple(run.used for run in self.prepared.runs)
+
+    @property
+    def parts(self) -> tuple[slice, ...]:
+        """Where each effect's coefficients are among the unknowns."""
+        ends = np.cumsum([self.parameters, *(c.count for c in self.accepted)]).tolist()
+        return tuple(slice(first, last) for first, last in pairwise(ends))
 
     def added(self, run: int) -> Array:
         """The effects' columns along one run, (M, n, k)."""
@@ -247,8 +254,6 @@ def _left(hypothesis: Design, run: int, part: slice, values: Array) -> Array:
     """Residual (M, n) N·m of a part of one run; zero where samples do not count."""
     base = ground(hypothesis.prepared)
     left = base.gap[run][part] - base.columns[run][part] @ values[: base.parameters]
-    start = base.parameters
-    for candidate in hypothesis.accepted:
-        left -= candidate.columns[run][part] @ values[start : start + candidate.count]
-        start += candidate.count
+    for candidate, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
+        left -= candidate.columns[run][part] @ values[own]
     return np.where(hypothesis.prepared.runs[run].used[part], left, 0.0)

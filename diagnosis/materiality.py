@@ -91,8 +91,9 @@ def is_material(stage: Stage, gain: Gain, is_best: bool = False) -> bool:
     shifts = gained_by_shift(stage, gain) > SMALLEST_SHIFT and gained(stage, gain) > SMALLEST_SUM
     if gain.overlap > HIDDEN_OVERLAP and shifts:
         return True
-    removed = np.sqrt(np.maximum(gain.held_out, 0) / np.maximum(stage.counts, 1))
-    enough = (stage.shares(gain) > SMALLEST_SHARE) & (removed > SMALLEST_TORQUE * stage.ground.torque_rms)
+    enough = (stage.shares(gain) > SMALLEST_SHARE) & (
+        stage.removed(gain) > SMALLEST_TORQUE * stage.ground.torque_rms
+    )
     # What acts on one joint's torque must show there, whatever it does to the others' parameters; what the
     # joint's own parameters swallow shows where the joints below carry the same links.
     if is_best and family.swallowed and gain.overlap > HIDDEN_OVERLAP:
@@ -111,8 +112,7 @@ def is_main(first: Stage, stage: Stage, gain: Gain, named: Collection[int | None
     if gain.candidate.is_event:
         return True
     if family.joint is not None and family.joint in named:
-        removed = np.sqrt(np.maximum(gain.held_out, 0) / np.maximum(stage.counts, 1))[family.joint]
-        large = removed > SECOND_TORQUE * stage.ground.torque_rms[family.joint]
+        large = stage.removed(gain)[family.joint] > SECOND_TORQUE * stage.ground.torque_rms[family.joint]
         left = bool(large and stage.shares(gain)[family.joint] > SECOND_LEFT)
         return left or bool(shares[family.joint] > SECOND_SHARE)
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:

@@ -40,11 +40,9 @@ def sized(diagnosis: Diagnosis, open_: Open, rival: Rival) -> Sized | None:
 
 def _fitted(diagnosis: Diagnosis, rival: Rival) -> Sized | None:
     hypothesis, fitted = diagnosis.final
-    start = hypothesis.parameters
-    for accepted in hypothesis.accepted:
+    for accepted, part in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         if accepted.place == (rival.effect, rival.joint, rival.into):
-            return Sized(dict(accepted.member.shape), fitted.values[start : start + accepted.count])
-        start += accepted.count
+            return Sized(dict(accepted.member.shape), fitted.values[part])
     return None
 
 

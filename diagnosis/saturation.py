@@ -45,10 +45,15 @@ REFINEMENTS = 12
 
 @dataclass(frozen=True)
 class Cut:
-    """What a limit (N·m) of a joint cuts off; a run's samples (M,) that the filter fills from there."""
+    """What a limit (N·m) of a joint cuts off.
+
+    peak: N·m, the largest torque that was asked for. beyond: a run's samples (M,) that the filter fills from
+    beyond the limit.
+    """
 
     joint: int
     limit: float
+    peak: float
     candidate: Candidate
     beyond: tuple[NDArray[np.bool_], ...]
 
@@ -131,11 +136,12 @@ def _cut(prepared: Prepared, family: Family, limit: float) -> Cut:
     assert family.member is not None
     assert family.joint is not None
     made = candidate(prepared, family, family.member({"limit": limit}))
-    beyond = []
-    for run, torque in zip(prepared.runs, asked_torque(prepared, family.joint), strict=True):
+    beyond, asked = [], asked_torque(prepared, family.joint)
+    for run, torque in zip(prepared.runs, asked, strict=True):
         reach = 2 * round(REACH_PERIODS * run.logged.sample_rate / run.logged.cutoff) + 1
         beyond.append(maximum_filter1d(np.abs(torque), reach)[run.kept] > limit)
-    return Cut(family.joint, limit, made, tuple(beyond))
+    peak = max(float(np.max(np.abs(torque))) for torque in asked)
+    return Cut(family.joint, limit, peak, made, tuple(beyond))
 
 
 def asked_torque(prepared: Prepared, joint: int) -> list[Array]:
@@ -185,8 +191,7 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     clips &= square / count > STANDING_OUT**2 * elsewhere / kept
     # A push makes the torque large once; a drive clips again whenever as much is asked of it.
     again = np.sum(clipped < (1 - SMALLEST_SHARE) * asked_for) > 1
-    largest = max(float(np.max(np.abs(torque))) for torque in asked_torque(stage.prepared, joint))
-    ran_away = largest > RUNAWAY * limit.limit and clipped.sum() < RUNAWAY_LEFT * asked_for.sum()
+    ran_away = limit.peak > RUNAWAY * limit.limit and clipped.sum() < RUNAWAY_LEFT * asked_for.sum()
     clips &= again or ran_away
     return _Trial(
         cut=limit,

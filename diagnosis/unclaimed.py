@@ -10,7 +10,7 @@ from .evidence import squares
 from .generic import RUN_TIME
 from .likelihood import weigh
 from .noise import noise_rms
-from .weighing import Bank, Stage
+from .weighing import Bank, Gain, Stage
 
 Array = NDArray[np.float64]
 
@@ -43,11 +43,7 @@ def foretold_shares(stage: Stage, free: Bank) -> Array:
 
     Functions of the run's time are left out: what happens at an instant is no function of the motion.
     """
-    found = np.zeros(stage.prepared.joints)
-    for gain in stage.gains(free):
-        if gain is not None and gain.candidate.family.effect != FREE + RUN_TIME:
-            found = np.maximum(found, stage.shares(gain))
-    return found
+    return np.max([np.zeros(stage.prepared.joints), *map(stage.shares, _of_motion(stage, free))], axis=0)
 
 
 def fitted_shares(stage: Stage, free: Bank) -> Array:
@@ -57,11 +53,16 @@ def fitted_shares(stage: Stage, free: Bank) -> Array:
     """
     residual = stage.weights * squares(stage.fitted.residual)
     found = np.zeros(stage.prepared.joints)
-    for gain in stage.gains(free):
-        if gain is not None and gain.candidate.family.effect != FREE + RUN_TIME:
-            joint = list(gain.candidate.member.rows)
-            found[joint] = np.maximum(found[joint], gain.objective / np.maximum(residual[joint], 1e-300))
+    for gain in _of_motion(stage, free):
+        joint = list(gain.candidate.member.rows)
+        found[joint] = np.maximum(found[joint], gain.objective / np.maximum(residual[joint], 1e-300))
     return found
+
+
+def _of_motion(stage: Stage, free: Bank) -> list[Gain]:
+    """What the free functions gain, but for those of the run's time."""
+    gains = [gain for gain in stage.gains(free) if gain is not None]
+    return [gain for gain in gains if gain.candidate.family.effect != FREE + RUN_TIME]
 
 
 def unclaimed(first: Stage, last: Stage, free: Bank) -> tuple[Unclaimed, ...]:
@@ -75,10 +76,9 @@ def unclaimed(first: Stage, last: Stage, free: Bank) -> tuple[Unclaimed, ...]:
         joint = weighed.candidate.family.joint
         assert joint is not None
         more = float(weighed.gain.held_out[joint])
-        removed = np.sqrt(max(more, 0.0) / max(float(last.counts[joint]), 1.0))
         if last.shares(weighed.gain)[joint] < SMALLEST_SHARE:
             continue
-        if removed < SMALLEST_TORQUE * last.ground.torque_rms[joint]:
+        if last.removed(weighed.gain)[joint] < SMALLEST_TORQUE * last.ground.torque_rms[joint]:
             continue
         if more < SHARE_OF_GAP * first.held_squares[joint] or more < SHARE_OF_EXPLAINED * explained[joint]:
             continue

@@ -6,6 +6,7 @@ regressor, a fold and a joint at a time, and every later hypothesis adds only it
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import njit
@@ -120,6 +121,7 @@ class Stage:
         ]
         self.held_squares: Array = np.sum([[np.sum(part**2) for part in fold] for fold in self.held], axis=0)
         self.counts: Array = np.sum([[len(part) for part in fold] for fold in self.held], axis=0)
+        self._weighed: WeakKeyDictionary[Bank, list[Gain | None]] = WeakKeyDictionary()
 
     @property
     def prior(self) -> float:
@@ -130,12 +132,21 @@ class Stage:
         """Share of each joint's held-out squared residual that a candidate removes, (n,)."""
         return np.clip(gain.held_out / np.maximum(self.held_squares, 1e-300), -1.0, 0.9999)
 
+    def removed(self, gain: Gain) -> Array:
+        """RMS torque that a candidate takes off each joint's held-out residual, (n,) N·m."""
+        return np.sqrt(np.maximum(gain.held_out, 0) / np.maximum(self.counts, 1))
+
     def gain(self, candidate: Candidate) -> Gain | None:
         """What one candidate adds; None where its columns are zero on these runs."""
         return self.gains(Bank(self.ground, [candidate]))[0]
 
     def gains(self, bank: Bank) -> list[Gain | None]:
         """What each candidate of the bank adds; None where its columns are zero on these runs."""
+        if bank not in self._weighed:
+            self._weighed[bank] = self._gains(bank)
+        return self._weighed[bank]
+
+    def _gains(self, bank: Bank) -> list[Gain | None]:
         sums = self._sums(bank)
         total_cross, total_right = sums.cross.sum(axis=0), sums.right.sum(axis=0)
         through = self.whole.times(total_cross.T)

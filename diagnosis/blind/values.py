@@ -94,7 +94,7 @@ def drawn_injection(
         if bends:
             # The typical coefficient is that of a small exponent.
             at_limit = (BENT[0] + severity * (BENT[1] - BENT[0])) * scale_of("viscous_torque", robot, joint)
-            speed = speed_limit(robot, joint) ** values["exponent"]
+            speed = speed_limit(robot.limits, joint) ** values["exponent"]
             values["coefficient"] = float(rng.choice((-1.0, 1.0))) * at_limit / speed
     if name == "torque_saturation":
         assert joint is not None

@@ -91,13 +91,10 @@ def signature(diagnosis: Diagnosis, named: NamedEffect) -> go.Figure:
 def partial_residual(diagnosis: Diagnosis, named: NamedEffect) -> tuple[list[Array], list[Array]]:
     """A run each, (M, n) N·m: the effect's fitted torque, and the residual with that torque put back."""
     hypothesis, fitted = diagnosis.final
-    start = hypothesis.parameters
-    for accepted in hypothesis.accepted:
-        values = fitted.values[start : start + accepted.count]
+    for accepted, part in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         if accepted.place == (named.effect, named.joint, named.into):
-            law = [columns @ values for columns in accepted.columns]
+            law = [columns @ fitted.values[part] for columns in accepted.columns]
             return law, [r + torque for r, torque in zip(fitted.residual, law, strict=True)]
-        start += accepted.count
     raise KeyError(f"{named.effect} is not in the final hypothesis")
 
 

@@ -21,6 +21,7 @@ from .action import (
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import joint_element
 from .signature import Family, Logged, Member, coefficients_as_named, grid_family, single_joint
+from .size import speed_limit
 
 DESCRIPTION = EffectDescription(
     name="nonlinear_viscous_friction",
@@ -40,9 +41,8 @@ DESCRIPTION = EffectDescription(
 )
 
 EXPONENTS = (0.33, 0.5, 0.67, 1.5, 2.0)
-# Speeds at which MuJoCo's polynomial is fitted, as shares of the speed limit (rad/s where there is none).
+# Speeds at which MuJoCo's polynomial is fitted, as shares of the speed limit.
 SPEEDS = np.linspace(0.02, 1.0, 50)
-UNLIMITED_SPEED = 3.0
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -84,8 +84,7 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     joint = require_joint(DESCRIPTION.name, injection.joint, robot.joints)
     coefficient, exponent = (injection.values[name] for name in ("coefficient", "exponent"))
     element = joint_element(spec, robot, joint)
-    limit = robot.limits.velocity[joint]
-    fastest = limit if np.isfinite(limit) else UNLIMITED_SPEED
+    fastest = speed_limit(robot.limits, joint)
     speed = SPEEDS * fastest
     power = speed**exponent
     wanted = coefficient * (np.log1p(power) if injection.law == "saturating" else power)

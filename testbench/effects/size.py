@@ -10,7 +10,7 @@ from identification.errors import InputError
 from identification.inverse_dynamics import inverse_dynamics
 from identification.parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT, VISCOUS
 
-from ..robot import Robot
+from ..robot import Limits, Robot
 from .base import EffectDescription, EffectParameter
 
 Array = NDArray[np.float64]
@@ -56,9 +56,9 @@ def scale_of(relative_to: str, robot: Robot, joint: int | None) -> float:
     return float(scales[relative_to][joint])
 
 
-def speed_limit(robot: Robot, joint: int) -> float:
+def speed_limit(limits: Limits, joint: int) -> float:
     """The joint's speed limit, rad/s or m/s; where it has none, what arms of any size know."""
-    limit = float(robot.limits.velocity[joint])
+    limit = float(limits.velocity[joint])
     return limit if np.isfinite(limit) else SPEED
 
 
@@ -93,7 +93,7 @@ def _scales(key: _Key) -> dict[str, Array]:
     for joint, unit in enumerate(np.eye(n)):
         moved = inverse_dynamics(robot.chain, links.ravel(), poses, still, still + unit, threads=1)
         inertia[:, joint] = (moved - gravity)[:, joint]
-    speed = np.array([speed_limit(robot, joint) for joint in range(n)])
+    speed = np.array([speed_limit(limits, joint) for joint in range(n)])
     return {
         "coulomb": table[:, COULOMB],
         "viscous": table[:, VISCOUS],

@@ -27,6 +27,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .signature import Family, Logged, Member, Quantity, coefficients_as_named, single_joint
+from .size import speed_limit
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,6 @@ DESCRIPTION = EffectDescription(
 )
 
 RATED_SHARE = 0.3
-UNLIMITED_SPEED = 3.0
 # Viscosity cannot fall below nothing, however hot.
 HIGHEST_DROP = 0.95
 HOUSING_SHARE, HOUSING_SLOWNESS = 0.5, 5.0
@@ -59,8 +59,7 @@ TIME_CONSTANTS = (5.0, 20.0, 80.0)
 
 def rated_power(viscous: float, coulomb: float, limits: Limits, joint: int) -> float:
     """Friction power at RATED_SHARE of the speed limit, W; it is what w = 1 means."""
-    limit = float(limits.velocity[joint])
-    speed = RATED_SHARE * (limit if np.isfinite(limit) else UNLIMITED_SPEED)
+    speed = RATED_SHARE * speed_limit(limits, joint)
     return max((viscous * speed + coulomb) * speed, float(np.finfo(float).tiny))
 
 

@@ -1,0 +1,61 @@
+"""An effect that was taken in, and what several of them say together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .candidates import Candidate
+from .evidence import DELAY
+from .likelihood import Weighed
+from .unclaimed import Unclaimed
+from .weighing import Stage
+
+SPRINGS = {"gravity_spring", "cable_spring"}
+LAG = "actuator_lag"
+# Cycles a revolution.
+SLOWEST_RIPPLE = 10.0
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An effect taken in, with the rivals it was preferred to at its stage and their probabilities.
+
+    share: of some joint's held-out squared residual, the largest. worth: mean squares that it took off the
+    joints' residuals, each by its own torque, summed. named: whether it is larger than on any healthy robot.
+    is_trace: found by a trace that only shows beside every joint's imperfections.
+    """
+
+    candidate: Candidate
+    probability: float
+    rivals: tuple[tuple[Weighed, float], ...]
+    share: float
+    worth: float
+    named: bool = True
+    is_trace: bool = False
+
+
+def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints at which it takes two laws of position: together they are one that no catalogue holds.
+
+    first: re-identification alone. last: with all effects taken in.
+    """
+    found = []
+    for joint in range(first.prepared.joints):
+        laws = [a for a in accepted if a.named and a.candidate.family.joint == joint and _is_of_position(a)]
+        if len({item.candidate.family.effect for item in laws}) > 1:
+            share = 1 - float(last.held_squares[joint] / max(float(first.held_squares[joint]), 1e-300))
+            found.append(Unclaimed(joint, "position", share))
+    return tuple(found)
+
+
+def is_rest_of_delay(item: Accepted, accepted: Sequence[Accepted]) -> bool:
+    """A lag beside a delay: what a delay that shakes the controller leaves at one joint looks like it."""
+    delayed = any(other.named and other.candidate.family.effect == DELAY for other in accepted)
+    return delayed and item.candidate.family.effect == LAG
+
+
+def _is_of_position(item: Accepted) -> bool:
+    """A spring, or a ripple too slow for the teeth of any gear."""
+    slow = item.candidate.member.shape.get("cycles", np.inf) < SLOWEST_RIPPLE
+    return item.candidate.family.effect in SPRINGS or slow
