@@ -24,6 +24,10 @@ class InputError(Exception):
         self.choices = None if choices is None else tuple(choices)
         super().__init__(self._line())
 
+    def __reduce__(self) -> tuple[type["InputError"], tuple[object, ...]]:
+        # An exception is copied from its line alone otherwise, and a worker's complaint would be lost.
+        return InputError, (self.source, self.field, self.expected, self.got, self.choices)
+
     def _line(self) -> str:
         line = f"{self.source}: {self.field}: expected {self.expected}, got {self.got}"
         if self.choices is not None:
