@@ -62,7 +62,7 @@ def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
     error_model="numpy",
     fastmath={"contract", "reassoc"},
 )
-def _convolve(x, taps, step, out):  # type: ignore[no-untyped-def]
+def _convolve(x: Array, taps: Array, step: int, out: Array) -> None:
     """out[m, c] = sum_k taps[k] x[m step + k, c], a column at a time in a buffer of its own."""
     column = np.empty(x.shape[0])
     for c in range(x.shape[1]):

@@ -279,7 +279,7 @@ def _bounded(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def _box_minimum(matrix, right, lower, upper, x):  # type: ignore[no-untyped-def]
+def _box_minimum(matrix: Array, right: Array, lower: Array, upper: Array, x: Array) -> None:
     """Coordinate descent on a small box-constrained quadratic of unit diagonal, from x, in place."""
     k = x.size
     for a in range(k):

@@ -45,7 +45,7 @@ def initial_state(position: Array, order: int, step: float, samples: int) -> Arr
 
 
 @kernel
-def follow(position, transition, gain, start):  # type: ignore[no-untyped-def]
+def follow(position: Array, transition: Array, gain: Array, start: Array) -> Array:
     """(N, n, order): x[k] = F x[k-1] + K (y[k] - (F x[k-1])_0) of each joint, from ``start`` (n, order)."""
     samples, joints = position.shape
     order = gain.size
@@ -66,7 +66,7 @@ def follow(position, transition, gain, start):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def smooth_backward(states, transition, gain):  # type: ignore[no-untyped-def]
+def smooth_backward(states: Array, transition: Array, gain: Array) -> None:
     """Turn filtered ``states`` (N, n, order) into smoothed ones: x[k] += C (x[k+1] - F x[k]), from the end.
 
     gain: C (order, order), of the Rauch-Tung-Striebel smoother.

@@ -5,8 +5,6 @@ the standard parameters (Khalil & Dombre 2004, ch. 9). It gives regressor @ para
 forming the regressor.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,9 +45,18 @@ def inverse_dynamics(
 
 
 @kernel
-def _inverse_dynamics(  # type: ignore[no-untyped-def]
-    is_slide, rotation, translation, gravity, table, coulomb_velocity, q, dq, ddq, out
-) -> Any:
+def _inverse_dynamics(
+    is_slide: NDArray[np.bool_],
+    rotation: Array,
+    translation: Array,
+    gravity: Array,
+    table: Array,
+    coulomb_velocity: float,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    out: Array,
+) -> None:
     n = is_slide.size
     rotations = np.empty((n, 9))
     origins = np.empty((n, 3))

@@ -9,14 +9,21 @@ and the position is measured. The noise of the torque is that of the prediction.
 linear inside the dead zone, where the sign of the velocity is unknown and a joint's torque says little.
 """
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from .inverse_dynamics import _inverse_dynamics
 from .kinematics import kernel
 from .parameters import COULOMB, PER_JOINT
 from .regressor import _regressor
+
+Array = NDArray[np.float64]
+# is_slide, rotation, translation, gravity.
+ChainArrays = tuple[NDArray[np.bool_], Array, Array, Array]
+# The chain, the table of standard parameters, Coulomb friction, dead zones.
+RobotArrays = tuple[ChainArrays, Array, Array, Array]
+# Scratch for positions, velocities, accelerations.
+Motions = tuple[Array, Array, Array]
 
 # Step of the differences in position and velocity, rad and rad/s (m).
 DIFFERENCE = 1e-6
@@ -25,21 +32,21 @@ SMALLEST_PIVOT = 0.3
 
 
 @kernel
-def extended_kalman_filter(  # type: ignore[no-untyped-def]
-    chain,
-    columns,
-    slots,
-    position,
-    torque,
-    acceleration,
-    timing,
-    dead_zone,
-    noise,
-    scale,
-    constant,
-    state,
-    covariance,
-) -> Any:
+def extended_kalman_filter(
+    chain: ChainArrays,
+    columns: NDArray[np.int64],
+    slots: NDArray[np.int64],
+    position: Array,
+    torque: Array,
+    acceleration: Array,
+    timing: tuple[int, float, int],
+    dead_zone: Array,
+    noise: tuple[Array, Array],
+    scale: Array,
+    constant: Array,
+    state: Array,
+    covariance: Array,
+) -> bool:
     """Run over K samples; ``state`` and ``covariance`` become those after the last. True if all went well.
 
     chain: (is_slide, rotation, translation, gravity). columns, slots: of the base regressor.
@@ -117,7 +124,9 @@ def extended_kalman_filter(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _parameters(constant, columns, scale, scaled, table, coulomb):  # type: ignore[no-untyped-def]
+def _parameters(
+    constant: Array, columns: NDArray[np.int64], scale: Array, scaled: Array, table: Array, coulomb: Array
+) -> None:
     """Standard parameters of the state: without Coulomb friction in ``table`` (n, 14), which goes apart."""
     flat = table.reshape(-1)
     flat[:] = constant
@@ -129,13 +138,22 @@ def _parameters(constant, columns, scale, scaled, table, coulomb):  # type: igno
 
 
 @kernel
-def _direction(velocity, dead_zone):  # type: ignore[no-untyped-def]
+def _direction(velocity: float, dead_zone: float) -> float:
     """The velocity's sign, linear inside the dead zone."""
     return min(1.0, max(-1.0, velocity / dead_zone))
 
 
 @kernel
-def _accelerate(robot, q, dq, tau, work, torques, mass, out):  # type: ignore[no-untyped-def]
+def _accelerate(
+    robot: RobotArrays,
+    q: Array,
+    dq: Array,
+    tau: Array,
+    work: Motions,
+    torques: Array,
+    mass: Array,
+    out: Array,
+) -> bool:
     """Forward dynamics: ddq (n,) into ``out``, the mass matrix's Cholesky factor into ``mass``."""
     (is_slide, rotation, translation, gravity), table, coulomb, dead_zone = robot
     n = q.size
@@ -168,7 +186,7 @@ def _accelerate(robot, q, dq, tau, work, torques, mass, out):  # type: ignore[no
 
 
 @kernel
-def _solve(factor, x):  # type: ignore[no-untyped-def]
+def _solve(factor: Array, x: Array) -> None:
     """x <- (L L')^-1 x in place, L the lower triangle of ``factor``."""
     n = x.size
     for i in range(n):
@@ -182,7 +200,7 @@ def _solve(factor, x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _invert(factor, out):  # type: ignore[no-untyped-def]
+def _invert(factor: Array, out: Array) -> None:
     """(L L')^-1 into ``out``."""
     out[:] = 0.0
     for j in range(out.shape[0]):
@@ -191,9 +209,19 @@ def _invert(factor, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _slopes(  # type: ignore[no-untyped-def]
-    robot, columns, slots, scale, state, acceleration, inverse, work, torques, rows, slopes
-):
+def _slopes(
+    robot: RobotArrays,
+    columns: NDArray[np.int64],
+    slots: NDArray[np.int64],
+    scale: Array,
+    state: Array,
+    acceleration: Array,
+    inverse: Array,
+    work: Motions,
+    torques: Array,
+    rows: Array,
+    slopes: Array,
+) -> None:
     """The derivative of (dq, ddq) with respect to the state into ``slopes`` (2 n, 2 n + b).
 
     The slope of friction inside the dead zone is left out: too steep for a step, and not to be relied on.
@@ -235,7 +263,7 @@ def _slopes(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _propagate(covariance, slopes, inverse, variance, step):  # type: ignore[no-untyped-def]
+def _propagate(covariance: Array, slopes: Array, inverse: Array, variance: Array, step: float) -> None:
     """P <- F P F' + G S G' with F = 1 + A h + (A h)² / 2, in place; S the variance of the torques held."""
     n, size = variance.size, covariance.shape[0]
     half = 0.5 * step
@@ -279,7 +307,18 @@ def _propagate(covariance, slopes, inverse, variance, step):  # type: ignore[no-
 
 
 @kernel
-def _integrate(robot, q, dq, before, after, step, substeps, work, torques, mass):  # type: ignore[no-untyped-def]
+def _integrate(
+    robot: RobotArrays,
+    q: Array,
+    dq: Array,
+    before: Array,
+    after: Array,
+    step: float,
+    substeps: int,
+    work: Motions,
+    torques: Array,
+    mass: Array,
+) -> bool:
     """Move q and dq (n,) on by ``step`` with the midpoint rule, torque linear in between."""
     n = before.size
     h = step / substeps
@@ -302,7 +341,16 @@ def _integrate(robot, q, dq, before, after, step, substeps, work, torques, mass)
 
 
 @kernel
-def _correct(state, covariance, index, measured, variance, moved, gain, row):  # type: ignore[no-untyped-def]
+def _correct(
+    state: Array,
+    covariance: Array,
+    index: int,
+    measured: float,
+    variance: float,
+    moved: int,
+    gain: Array,
+    row: Array,
+) -> None:
     """Take in one measured state, covariance in Joseph's form (1 - k e') P (1 - k e')' + k r k'.
 
     moved: the first so many states are corrected, the gain of the others is zero.

@@ -2,7 +2,11 @@
 
 from typing import Any
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 
 def kernel(function: Any) -> Any:
@@ -14,13 +18,13 @@ def kernel(function: Any) -> Any:
 
 
 @kernel
-def cross(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
+def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> tuple[float, float, float]:
     """a × b as three scalars."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @kernel
-def link_rotation(fixed, c, s, out):  # type: ignore[no-untyped-def]
+def link_rotation(fixed: Array, c: float, s: float, out: Array) -> None:
     """out (9,) = fixed (3, 3) times a turn about z by the angle of cosine c and sine s, row-major."""
     for row in range(3):
         x, y = fixed[row, 0], fixed[row, 1]
@@ -30,7 +34,7 @@ def link_rotation(fixed, c, s, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def into_link(r, x, y, z):  # type: ignore[no-untyped-def]
+def into_link(r: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """R' v: a vector of the parent frame, in the link frame."""
     return (
         r[0] * x + r[3] * y + r[6] * z,
@@ -40,7 +44,7 @@ def into_link(r, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def into_parent(r, x, y, z):  # type: ignore[no-untyped-def]
+def into_parent(r: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """R v: a vector of the link frame, in the parent frame."""
     return (
         r[0] * x + r[1] * y + r[2] * z,
@@ -50,7 +54,20 @@ def into_parent(r, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def origin_acceleration(ax, ay, az, alx, aly, alz, ox, oy, oz, px, py, pz):  # type: ignore[no-untyped-def]
+def origin_acceleration(
+    ax: float,
+    ay: float,
+    az: float,
+    alx: float,
+    aly: float,
+    alz: float,
+    ox: float,
+    oy: float,
+    oz: float,
+    px: float,
+    py: float,
+    pz: float,
+) -> tuple[float, float, float]:
     """a + α × p + ω × (ω × p)."""
     tx, ty, tz = cross(alx, aly, alz, px, py, pz)
     bx, by, bz = cross(ox, oy, oz, px, py, pz)

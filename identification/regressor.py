@@ -15,7 +15,6 @@ Only the 6-vectors (w, u) travel down the chain, never 6 x 10 matrices.
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,9 +82,18 @@ def in_blocks(work: Callable[[int, int], None], samples: int, threads: int | Non
 
 
 @kernel
-def _regressor(  # type: ignore[no-untyped-def]
-    is_slide, rotation, translation, gravity, slots, coulomb_velocity, q, dq, ddq, out
-) -> Any:
+def _regressor(
+    is_slide: NDArray[np.bool_],
+    rotation: Array,
+    translation: Array,
+    gravity: Array,
+    slots: NDArray[np.int64],
+    coulomb_velocity: float,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    out: Array,
+) -> None:
     n, c = is_slide.size, out.shape[2]
     r = np.empty(9)
     motions = np.zeros((n, 6))
@@ -159,7 +167,7 @@ def _regressor(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def coulomb_sign(velocity, coulomb_velocity):  # type: ignore[no-untyped-def]
+def coulomb_sign(velocity: float, coulomb_velocity: float) -> float:
     """sgn(velocity), or its smooth form tanh(velocity / coulomb_velocity) when that is positive."""
     if coulomb_velocity > 0.0:
         return np.tanh(velocity / coulomb_velocity)

@@ -13,8 +13,6 @@ the six inertia seeds, g of the first moments and m of the mass, the pair contri
 whose derivatives with respect to w, u, omega, alpha and a are accumulated and carried to the base.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,9 +56,19 @@ def regressor_adjoint(
 
 
 @kernel
-def _regressor_adjoint(  # type: ignore[no-untyped-def]
-    is_slide, rotation, translation, gravity, slots, coulomb_velocity, q, dq, ddq, seeds, bars
-) -> Any:
+def _regressor_adjoint(
+    is_slide: NDArray[np.bool_],
+    rotation: Array,
+    translation: Array,
+    gravity: Array,
+    slots: NDArray[np.int64],
+    coulomb_velocity: float,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    seeds: Array,
+    bars: Array,
+) -> None:
     n = is_slide.size
     rotations = np.empty((n, 9))
     origins = np.empty((n, 3))
@@ -201,9 +209,20 @@ def _regressor_adjoint(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _outward(  # type: ignore[no-untyped-def]
-    is_slide, rotation, translation, gravity, q, dq, ddq, active, rotations, origins, links, motions
-) -> Any:
+def _outward(
+    is_slide: NDArray[np.bool_],
+    rotation: Array,
+    translation: Array,
+    gravity: Array,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    active: NDArray[np.bool_],
+    rotations: Array,
+    origins: Array,
+    links: Array,
+    motions: Array,
+) -> None:
     """Poses, link motions (row j + 1 is link j, row 0 the base) and unit motions of the active joints."""
     links[0, :] = 0.0
     links[0, 6], links[0, 7], links[0, 8] = -gravity[0], -gravity[1], -gravity[2]
@@ -252,7 +271,7 @@ def _outward(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _load_rows(seeds, rows, active):  # type: ignore[no-untyped-def]
+def _load_rows(seeds: Array, rows: Array, active: NDArray[np.bool_]) -> bool:
     """Copy the seeds, and mark the joints that have one other than zero; whether there is any."""
     found = False
     for i in range(seeds.shape[0]):
@@ -267,6 +286,8 @@ def _load_rows(seeds, rows, active):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _times(xx, xy, xz, yy, yz, zz, x, y, z):  # type: ignore[no-untyped-def]
+def _times(
+    xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, x: float, y: float, z: float
+) -> tuple[float, float, float]:
     """A symmetric 3 x 3 matrix times a vector."""
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z

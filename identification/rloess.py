@@ -73,7 +73,7 @@ def _local_quadratic(y: Array, robust: Array, kernels: Array) -> Array:
 
 
 @kernel
-def _moments(weight, weighted, kernels):  # type: ignore[no-untyped-def]
+def _moments(weight: Array, weighted: Array, kernels: Array) -> Array:
     """(8, N): sums of w d^p, p = 0..4, and of w y d^p, p = 0..2, over the window of each sample."""
     half = kernels.shape[1] - 1
     samples = weight.size - 2 * half

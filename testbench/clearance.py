@@ -6,7 +6,6 @@ other, d' = n . (J2 - J1), J the points' Jacobians.
 
 import ctypes
 from dataclasses import dataclass, field
-from typing import Any
 
 import llvmlite.binding
 import mujoco
@@ -145,9 +144,22 @@ def _geom_name(model: mujoco.MjModel, geom: int) -> str:
 
 
 @kernel
-def _measure(  # type: ignore[no-untyped-def]
-    model, data, qpos, centres, anchors, axes, radii, is_slide, geoms, links, reach, q, distances, gradients
-) -> Any:
+def _measure(
+    model: int,
+    data: int,
+    qpos: Array,
+    centres: Array,
+    anchors: Array,
+    axes: Array,
+    radii: Array,
+    is_slide: NDArray[np.bool_],
+    geoms: Indices,
+    links: Indices,
+    reach: float,
+    q: Array,
+    distances: Array,
+    gradients: Array,
+) -> None:
     witness = np.zeros(6)
     wanted = gradients.shape[0] > 0
     for t in range(q.shape[0]):

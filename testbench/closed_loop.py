@@ -195,15 +195,17 @@ def _encoder_noise(recording: Recording, rate: float) -> Array:
 
 def _reference(recording: Recording) -> Reference:
     """The motion that the controller was told to follow. Raises InputError where the log lacks a part."""
-    parts = {
-        "reference/position": recording.reference_position,
-        "reference/velocity": recording.reference_velocity,
-        "reference/acceleration": recording.reference_acceleration,
-    }
-    for name, values in parts.items():
-        if values is None:
-            raise InputError("log", name, "a reference to simulate", "none")
-    return Reference(*parts.values())  # type: ignore[arg-type]
+    return Reference(
+        _logged("reference/position", recording.reference_position),
+        _logged("reference/velocity", recording.reference_velocity),
+        _logged("reference/acceleration", recording.reference_acceleration),
+    )
+
+
+def _logged(name: str, values: Array | None) -> Array:
+    if values is None:
+        raise InputError("log", name, "a reference to simulate", "none")
+    return values
 
 
 def _set_inertia(plant: Any, table: Array) -> None:

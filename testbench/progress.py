@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
 
 class Steps:
@@ -27,12 +27,12 @@ class Steps:
 class Step:
     """One step; ``update`` may be called from any thread."""
 
-    def __init__(self, progress: Progress, task: object):
+    def __init__(self, progress: Progress, task: TaskID):
         self._progress, self._task = progress, task
 
     def update(self, done: float, total: float, note: str = "") -> None:
         """So much of ``total`` is done; ``note`` is shown beside the bar."""
-        self._progress.update(self._task, completed=done, total=total, note=note)  # type: ignore[arg-type]
+        self._progress.update(self._task, completed=done, total=total, note=note)
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """Signatures and MJCF forms of friction and transmission, against laws written here in closed form."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -348,7 +349,9 @@ def joint_torque(model: mujoco.MjModel, q: np.ndarray, dq: np.ndarray) -> np.nda
         ("nonlinear_viscous_friction", {"coefficient": 0.7, "exponent": 2}, lambda q, v: -0.7 * v * abs(v)),
     ],
 )
-def test_native_torque_is_the_law(arm: Robot, name: str, values: dict, law) -> None:  # type: ignore[no-untyped-def, type-arg]
+def test_native_torque_is_the_law(
+    arm: Robot, name: str, values: dict[str, float], law: Callable[[float, float], float]
+) -> None:
     spec, sentences = effects_spec(arm, [injection(arm, name, 2, values)])
     written, plain = spec.compile(), mujoco.MjModel.from_xml_string(ARM)
     assert sentences == ()

@@ -1,5 +1,6 @@
 """Effects in the simulated robot: against closed forms and ODEs, at zero size, at half the step."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +26,9 @@ from testbench.simulation.plant import plant_model
 from testbench.simulation.unmodelled import put_in
 
 from .test_simulation import Sines, same
+
+# Of a state under a torque.
+Derivative = Callable[[np.ndarray, float], list[float]]
 
 ARM = """
 <mujoco model="arm"><worldbody>
@@ -121,7 +125,9 @@ def pushed(robot: Robot, torque: np.ndarray, *injections: Injection, step: float
     return batch.run_loops([loop], 1)[0][:, :, 0]
 
 
-def solved(derivative, state: list[float], torque: np.ndarray, **options: float) -> np.ndarray:  # type: ignore[no-untyped-def]
+def solved(
+    derivative: Derivative, state: list[float], torque: np.ndarray, **options: str | float
+) -> np.ndarray:
     """States (N, s) at the samples of an ODE under a held torque, by scipy."""
     found = [np.array(state)]
     for held in torque[:-1]:
@@ -322,7 +328,7 @@ def test_friction_falls_while_it_warms_the_joint(wheel: Robot) -> None:
     np.testing.assert_allclose(output[:, layout.VELOCITY], wanted[:, 0], atol=2e-3 * wanted[:, 0].max())
 
 
-def two_mass(stiffness: float, damping: float, half_gap: float = 0.0):  # type: ignore[no-untyped-def]
+def two_mass(stiffness: float, damping: float, half_gap: float = 0.0) -> Derivative:
     """Motor and link on scipy's terms; smooth friction on the motor, so that its solver can follow."""
 
     def derivative(y: np.ndarray, u: float) -> list[float]:

@@ -1,6 +1,7 @@
 """The simulated robot against closed forms, brute force, and itself on other threads and steps."""
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -392,7 +393,7 @@ def test_delayed_torque_is_the_mean_over_a_window_that_is_late() -> None:
         (lambda: Reference(np.zeros((9, 1)), np.zeros((9, 2)), np.zeros((9, 1))), "velocity"),
     ],
 )
-def test_wrong_options_are_refused_in_one_line(build, says: str) -> None:  # type: ignore[no-untyped-def]
+def test_wrong_options_are_refused_in_one_line(build: Callable[[], object], says: str) -> None:
     with pytest.raises(InputError) as error:
         build()
     assert says in str(error.value)

@@ -56,25 +56,25 @@ class OutsideEffect:
 
 
 @hook_kernel
-def _position_friction(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _position_friction(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 3)
     row[COULOMB] += value[0] * (1.0 + np.sin(value[1] * row[POSITION] + value[2]))
 
 
 @hook_kernel
-def _neighbour_friction(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _neighbour_friction(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 3)
     row[COULOMB] += value[0] * abs(bus_row(bus, int(value[1]))[VELOCITY]) / value[2]
 
 
 @hook_kernel
-def _offset_drift(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _offset_drift(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 2)
     row[MOTOR_TORQUE] += value[0] * (1.0 - np.exp(-row[TIME] / value[1]))
 
 
 @hook_kernel
-def _acceleration_friction(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _acceleration_friction(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value, memory = bus_row(bus, joint), vector(parameters, 2), vector(state, 2)
     change = (row[VELOCITY] - memory[0]) / row[TIMESTEP] - memory[1]
     memory[0] = row[VELOCITY]
@@ -83,26 +83,26 @@ def _acceleration_friction(bus, parameters, state, joint):  # type: ignore[no-un
 
 
 @hook_kernel
-def _detent(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _detent(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 3)
     row[COULOMB] += value[0] * np.exp(-(((row[POSITION] - value[1]) / value[2]) ** 2))
 
 
 @hook_kernel
-def _quadratic_coupling(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _quadratic_coupling(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 4)
     own, other = row[VELOCITY] / value[2], bus_row(bus, int(value[1]))[VELOCITY] / value[3]
     row[MOTOR_TORQUE] -= value[0] * own * own * other
 
 
 @hook_kernel
-def _cubic_spring(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _cubic_spring(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 3)
     row[MOTOR_TORQUE] -= value[0] * ((row[POSITION] - value[1]) / value[2]) ** 3
 
 
 @hook_kernel
-def _friction_jump(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _friction_jump(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 2)
     if row[TIME] >= value[1]:
         row[COULOMB] += value[0]

@@ -75,7 +75,7 @@ class RecursiveTotalLeastSquares:
 
 
 @kernel
-def _absorb(factor, rows):  # type: ignore[no-untyped-def]
+def _absorb(factor: Array, rows: Array) -> None:
     """Update the triangular factor R to that of [R; rows] by Givens rotations; ``rows`` is used up."""
     size = factor.shape[0]
     for row in rows:

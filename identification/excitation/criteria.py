@@ -126,7 +126,7 @@ def _eigen(matrix: Array) -> tuple[Array, Array]:
 
 # Not LAPACK's: for matrices of this size it starts threads, which cost more than they save.
 @kernel
-def _jacobi(matrix, vectors):  # type: ignore[no-untyped-def]
+def _jacobi(matrix: Array, vectors: Array) -> None:
     """Make a symmetric matrix diagonal by cyclic Jacobi rotations; rows of ``vectors`` turn along.
 
     Golub & Van Loan, "Matrix Computations", 2013, section 8.5.
@@ -155,7 +155,7 @@ def _jacobi(matrix, vectors):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _rotate(rows, i, j, cosine, sine):  # type: ignore[no-untyped-def]
+def _rotate(rows: Array, i: int, j: int, cosine: float, sine: float) -> None:
     """Turn rows i and j of a matrix into each other."""
     for k in range(rows.shape[1]):
         first, second = rows[i, k], rows[j, k]

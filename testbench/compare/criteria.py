@@ -8,6 +8,7 @@ exact one is at hand; their value costs no more than it must, and the limits kee
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -167,7 +168,7 @@ def _alone_work(weighted: Array, samples: int) -> dict[str, Callable[[], Any]]:
         ),
     }
     for name, criterion in CRITERIA.items():
-        work[f"{name}_with_gradient"] = lambda criterion=criterion: criterion(weighted, samples)  # type: ignore[misc]
+        work[f"{name}_with_gradient"] = partial(criterion, weighted, samples)
     return work
 
 

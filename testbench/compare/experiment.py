@@ -105,7 +105,8 @@ def experiment(case: Case, fitted: Trajectory, validation: Trajectory) -> Experi
 
 def motions_of(case: Case) -> tuple[Trajectory, Trajectory]:
     """The motions to fit and to validate on, where a case is given both."""
-    return tuple(trajectory_from_dict(case.settings[name]) for name in ("fit", "validation"))  # type: ignore[return-value]
+    fit, validation = (trajectory_from_dict(case.settings[name]) for name in ("fit", "validation"))
+    return fit, validation
 
 
 def accuracy(found: Estimate, known: Experiment) -> Row:

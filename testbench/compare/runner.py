@@ -4,7 +4,7 @@ import json
 import multiprocessing
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from pathlib import Path
@@ -77,7 +77,7 @@ def _executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
 
 
 @contextmanager
-def _progress(total: int, done: int):  # type: ignore[no-untyped-def]
+def _progress(total: int, done: int) -> Iterator[Callable[[str], None]]:
     """Yields a function that counts one more case; shown on a terminal with the time left."""
     columns = (
         TextColumn("{task.description:30}"),

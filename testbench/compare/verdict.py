@@ -180,5 +180,12 @@ def _starts_to(goal: float, rows: Sequence[Row]) -> int | None:
 
 
 def _bound_of_best(rows: Sequence[Row]) -> float:
-    best = min(rows, key=lambda row: float(row["minus_logdet"]))  # type: ignore[arg-type]
-    return float(best["relative_bound"])  # type: ignore[arg-type]
+    best = min(rows, key=lambda row: _figure(row, "minus_logdet"))
+    return _figure(best, "relative_bound")
+
+
+def _figure(row: Row, metric: str) -> float:
+    """A figure that every finished design has."""
+    value = row[metric]
+    assert value is not None
+    return float(value)

@@ -105,13 +105,13 @@ def hook_kernel(function: Callable[[Any, Any, Any, Any], None]) -> HookKernel:
 
 
 @njit(inline="always")
-def vector(address, size):  # type: ignore[no-untyped-def]
+def vector(address: int, size: int) -> Array:
     """The float64 array of that size at an address; shares its memory."""
     return carray(float_pointer(address), size)
 
 
 @njit(inline="always")
-def bus_row(bus, joint):  # type: ignore[no-untyped-def]
+def bus_row(bus: int, joint: int) -> Array:
     """A joint's row of the bus, (BUS_ROWS,), at the bus's address."""
     return carray(float_pointer(bus + 8 * BUS_ROWS * joint), BUS_ROWS)
 

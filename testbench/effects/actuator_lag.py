@@ -51,7 +51,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _lag(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _lag(bus: int, parameters: int, state: int, joint: int) -> None:
     row = bus_row(bus, joint)
     time_constant, stages = vector(parameters, 2)
     torque = vector(state, 2)

@@ -45,7 +45,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _even(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _even(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 2)
     row[SMOOTH_FRICTION] += value[0] + value[1] * abs(row[VELOCITY])
 

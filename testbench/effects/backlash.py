@@ -57,7 +57,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _play(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _play(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 2)
     row[HALF_GAP] += value[0]
     row[STIFFNESS] *= value[1]

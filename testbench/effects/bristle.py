@@ -9,12 +9,17 @@ For a velocity held over the step the solution is exponential and exact, so any 
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.kinematics import kernel
 
+Array = NDArray[np.float64]
+
 
 @kernel
-def bristle_step(deflection, velocity, level, stiffness, slipping, timestep):  # type: ignore[no-untyped-def]
+def bristle_step(
+    deflection: float, velocity: float, level: float, stiffness: float, slipping: float, timestep: float
+) -> float:
     """Deflection z after ``timestep``, in the unit of the joint's position.
 
     level: N·m, of friction when sliding. stiffness: N·m/rad. slipping: a, from 0 (elastic) to 1.
@@ -33,7 +38,7 @@ def bristle_step(deflection, velocity, level, stiffness, slipping, timestep):  #
 
 
 @kernel
-def unit_bristle(velocity, displacement, timestep, out):  # type: ignore[no-untyped-def]
+def unit_bristle(velocity: Array, displacement: Array, timestep: float, out: Array) -> None:
     """out (N, d): friction per unit of level along a velocity (N,), for each presliding displacement (d,).
 
     displacement: level / stiffness, rad. The bristle starts relaxed; velocities lie half a step apart from

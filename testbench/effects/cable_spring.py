@@ -55,7 +55,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _pull(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _pull(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value, deflection = bus_row(bus, joint), vector(parameters, 3), vector(state, 1)
     stiffness = value[0]
     row[LINK_TORQUE] -= stiffness * (row[LINK_POSITION] - value[1])

@@ -56,7 +56,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _eccentricity(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _eccentricity(bus: int, parameters: int, state: int, joint: int) -> None:
     row = bus_row(bus, joint)
     amplitude, phase, second = vector(parameters, 3)
     angle = row[READING] + phase

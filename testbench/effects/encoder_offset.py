@@ -29,7 +29,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _offset(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _offset(bus: int, parameters: int, state: int, joint: int) -> None:
     bus_row(bus, joint)[READING] += vector(parameters, 1)[0]
 
 

@@ -50,7 +50,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _spring(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _spring(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 3)
     angle = value[1] - row[LINK_POSITION]
     torque = value[0] * np.sin(angle)

@@ -62,7 +62,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _shared(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _shared(bus: int, parameters: int, state: int, joint: int) -> None:
     value, deflection = vector(parameters, 4), vector(state, 1)
     row, other = bus_row(bus, joint), bus_row(bus, int(value[2]))
     speed, coulomb = row[VELOCITY] + other[VELOCITY], value[1]

@@ -74,7 +74,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _spring(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _spring(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 3)
     windup = row[POSITION] - row[LINK_POSITION]
     row[STIFFNESS] = value[0] * (1.0 + value[2] * windup * windup)
@@ -82,7 +82,7 @@ def _spring(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
 
 
 @hook_kernel
-def _static_windup(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _static_windup(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 2)
     row[READING] += row[STATIC_LOAD] / value[0]
 

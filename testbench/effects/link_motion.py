@@ -107,7 +107,16 @@ def gap_windup(row: LinkRow, gap: float) -> Array:
 
 
 @kernel
-def _elastic(load, by_position, by_velocity, inertia, stiffness, damping, timestep, out):  # type: ignore[no-untyped-def]
+def _elastic(
+    load: Array,
+    by_position: Array,
+    by_velocity: Array,
+    inertia: Array,
+    stiffness: float,
+    damping: float,
+    timestep: float,
+    out: Array,
+) -> None:
     """Windup and its two derivatives, (N, 3), from rest under the first load.
 
     Newmark's method of average acceleration: stable for any stiffness, without damping of its own.
@@ -126,7 +135,16 @@ def _elastic(load, by_position, by_velocity, inertia, stiffness, damping, timest
 
 
 @kernel
-def _through_gap(load, by_position, by_velocity, inertia, gap, timestep, substeps, out):  # type: ignore[no-untyped-def]
+def _through_gap(
+    load: Array,
+    by_position: Array,
+    by_velocity: Array,
+    inertia: Array,
+    gap: float,
+    timestep: float,
+    substeps: int,
+    out: Array,
+) -> None:
     """Windup and its two derivatives, (N, 3), of a link with play; without a gap the contact holds both ways.
 
     substeps: even, of a sample. The acceleration is the mean over a sample, as an impact is shorter than one.

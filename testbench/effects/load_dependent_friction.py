@@ -43,7 +43,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _level(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _level(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 2)
     driven = value[1] > 0.0 and row[LOAD] * row[VELOCITY] < 0.0
     row[COULOMB] += (0.5 if driven else 1.0) * value[0] * abs(row[LOAD])

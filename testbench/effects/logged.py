@@ -161,7 +161,7 @@ class Logged:
 
 
 @kernel
-def _combine(first, second, third, weights, out):  # type: ignore[no-untyped-def]
+def _combine(first: Array, second: Array, third: Array, weights: Array, out: Array) -> None:
     """Three arrays (N, n) weighted by a sample's (N, 3), summed."""
     for t in range(out.shape[0]):
         for j in range(out.shape[1]):

@@ -53,7 +53,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _level(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _level(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 3)
     power = abs(row[VELOCITY]) ** value[1]
     if value[2] > 0.0:

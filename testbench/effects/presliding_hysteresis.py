@@ -65,7 +65,7 @@ def _damping_ratio(injection: Injection) -> float:
 
 
 @hook_kernel
-def _bristle(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _bristle(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value, deflection = bus_row(bus, joint), vector(parameters, 3), vector(state, 1)
     stiffness, level, before = value[0], row[COULOMB], deflection[0]
     row[COULOMB] = 0.0

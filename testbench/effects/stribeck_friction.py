@@ -52,7 +52,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _level(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _level(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 4)
     ratio = (abs(row[VELOCITY]) / value[1]) ** value[2]
     share = 1.0 / (1.0 + ratio) if value[3] > 0.0 else np.exp(-ratio)

@@ -75,7 +75,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _warm(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _warm(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value, warmth = bus_row(bus, joint), vector(parameters, 4), vector(state, 2)
     heat = abs(row[FRICTION] * row[VELOCITY]) / value[2]
     share = row[TIMESTEP] / value[1]
@@ -138,7 +138,7 @@ def warmth(heat: Array, share: float, start: float) -> Array:
 
 
 @kernel
-def _first_order(heat, share, start, out):  # type: ignore[no-untyped-def]
+def _first_order(heat: Array, share: float, start: float, out: Array) -> None:
     state = start
     for t in range(heat.size):
         state += share * (heat[t] - state)

@@ -42,7 +42,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _delay(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _delay(bus: int, parameters: int, state: int, joint: int) -> None:
     row = bus_row(bus, joint)
     steps, size = vector(parameters, 2)
     buffer = vector(state, int(size))

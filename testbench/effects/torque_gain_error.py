@@ -34,7 +34,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _gain(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _gain(bus: int, parameters: int, state: int, joint: int) -> None:
     bus_row(bus, joint)[DRIVE] *= vector(parameters, 1)[0]
 
 

@@ -43,13 +43,13 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _clip(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _clip(bus: int, parameters: int, state: int, joint: int) -> None:
     row, limit = bus_row(bus, joint), vector(parameters, 1)[0]
     row[DRIVE] = min(max(row[DRIVE], -limit), limit)
 
 
 @hook_kernel
-def _soft(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _soft(bus: int, parameters: int, state: int, joint: int) -> None:
     row, limit = bus_row(bus, joint), vector(parameters, 1)[0]
     row[DRIVE] /= (1.0 + abs(row[DRIVE] / limit) ** SHARPNESS) ** (1.0 / SHARPNESS)
 

@@ -67,7 +67,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @hook_kernel
-def _ripple(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _ripple(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 5)
     amplitude, law = value[0], value[3]
     angle = value[1] * row[POSITION] + value[2]
@@ -135,7 +135,7 @@ def periodogram_peaks(runs: Sequence[Logged], joint: int) -> tuple[Array, float]
 
 
 @kernel
-def _periodogram(angle, residual, first, spacing, power):  # type: ignore[no-untyped-def]
+def _periodogram(angle: Array, residual: Array, first: float, spacing: float, power: Array) -> None:
     """power (k,): |sum residual exp(i cycles angle)|² at equally spaced cycles."""
     real, imaginary = np.zeros(power.size), np.zeros(power.size)
     for t in range(angle.size):

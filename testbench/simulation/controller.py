@@ -99,7 +99,14 @@ def feedforward(chain: Chain, parameters: Array, reference: Reference, coulomb_s
 
 
 @kernel
-def pd_command(feedforward, kp, kd, position_error, velocity_error, torque_limit):  # type: ignore[no-untyped-def]
+def pd_command(
+    feedforward: float,
+    kp: float,
+    kd: float,
+    position_error: float,
+    velocity_error: float,
+    torque_limit: float,
+) -> float:
     """One joint's command, clipped to ± torque_limit."""
     command = feedforward + kp * position_error + kd * velocity_error
     if command > torque_limit:

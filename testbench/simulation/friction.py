@@ -10,10 +10,13 @@ whose solution is unique because M^-1 is positive definite. f is every other for
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.kinematics import kernel
 
 from .mujoco_pointers import solve_mass_matrix
+
+Array = NDArray[np.float64]
 
 # Reversals and rest take tens of sweeps; a strongly coupled arm at rest some hundred.
 SWEEPS = 500
@@ -21,7 +24,16 @@ TOLERANCE = 1e-13
 
 
 @kernel
-def coulomb_friction(model, data, timestep, velocity, force, coulomb, friction, work):  # type: ignore[no-untyped-def]
+def coulomb_friction(
+    model: int,
+    data: int,
+    timestep: float,
+    velocity: Array,
+    force: Array,
+    coulomb: Array,
+    friction: Array,
+    work: Array,
+) -> None:
     """Write the friction torque lambda (n,) of this step into ``friction``.
 
     model, data: addresses; data holds the factor of M. velocity, force, coulomb: (n,).
@@ -43,7 +55,16 @@ def coulomb_friction(model, data, timestep, velocity, force, coulomb, friction, 
 
 
 @kernel
-def _gauss_seidel(model, data, timestep, velocity, acceleration, coulomb, friction, work):  # type: ignore[no-untyped-def]
+def _gauss_seidel(
+    model: int,
+    data: int,
+    timestep: float,
+    velocity: Array,
+    acceleration: Array,
+    coulomb: Array,
+    friction: Array,
+    work: Array,
+) -> None:
     """Projected Gauss-Seidel from the sliding guess in ``friction``, whose acceleration is given."""
     n = velocity.size
     unit, inverse = work[:n], work[n:]

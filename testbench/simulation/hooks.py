@@ -58,7 +58,7 @@ def hook_table(hooks: Sequence[Hook], bus: Array) -> tuple[NDArray[np.int64], ND
 
 
 @kernel
-def run_stage(stage, table, edges):  # type: ignore[no-untyped-def]
+def run_stage(stage: Stage, table: int, edges: int) -> None:
     """Call the hooks of a stage; table, edges: addresses of what ``hook_table`` returns."""
     edge = carray(address_pointer(edges), STAGES + 1)
     first, last = edge[stage], edge[stage + 1]

@@ -56,7 +56,7 @@ def encoder_quantum(options: SensorOptions, is_slide: NDArray[np.bool_]) -> Arra
 
 
 @kernel
-def encoder_reading(position, noise, quantum):  # type: ignore[no-untyped-def]
+def encoder_reading(position: float, noise: float, quantum: float) -> float:
     """Noisy position rounded to whole counts; not rounded where the quantum is 0."""
     if quantum > 0.0:
         return quantum * np.rint((position + noise) / quantum)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from numba import carray, cfunc, types
+from numpy.typing import NDArray
 
 from identification.kinematics import kernel
 
@@ -19,6 +20,8 @@ from .mujoco_pointers import solve_mass_matrix
 from .sensors import encoder_reading
 from .transmission import motor_friction, spring_torque
 
+Array = NDArray[np.float64]
+
 # No arm turns this fast (rad/s, m/s): the loop is unstable.
 RUNAWAY_SPEED = 1e5
 
@@ -30,7 +33,7 @@ def loop_callback(
     """The compiled mjcb_control for these offsets in mjData; numba's cache on disk is keyed by them."""
 
     @cfunc(types.void(types.int64, types.int64), cache=True)
-    def control(model, data):  # type: ignore[no-untyped-def]
+    def control(model: int, data: int) -> None:
         # Each field of mjData is a pointer: its word holds the array's address.
         slot = carray(address_pointer(data + xfrc_applied), 1)[0]
         context = carray(layout.context_pointer(carray(address_pointer(slot), 1)[0]), 1)[0]
@@ -50,7 +53,16 @@ def loop_callback(
 
 
 @kernel
-def closed_loop_step(context, model, data, position, velocity, bias, passive, applied):  # type: ignore[no-untyped-def]
+def closed_loop_step(
+    context: Any,
+    model: int,
+    data: int,
+    position: Array,
+    velocity: Array,
+    bias: Array,
+    passive: Array,
+    applied: Array,
+) -> None:
     """Set the applied torque of one physics step: drive less friction; at a tick, sense, control and log.
 
     context: record of CONTEXT. model, data: addresses. position to applied: (n,) fields of mjData.
@@ -126,7 +138,9 @@ def closed_loop_step(context, model, data, position, velocity, bias, passive, ap
 
 
 @kernel
-def _fill(bus, position, velocity, bias, passive, constants, memory):  # type: ignore[no-untyped-def]
+def _fill(
+    bus: Array, position: Array, velocity: Array, bias: Array, passive: Array, constants: Array, memory: Array
+) -> None:
     """Set the rows of the bus at their values before the hooks of this step."""
     for j in range(velocity.size):
         row = bus[j]
@@ -150,7 +164,17 @@ def _fill(bus, position, velocity, bias, passive, constants, memory):  # type: i
 
 
 @kernel
-def _move_motor(context, model, data, j, torque, bus, constants, memory, work):  # type: ignore[no-untyped-def]
+def _move_motor(
+    context: Any,
+    model: int,
+    data: int,
+    j: int,
+    torque: float,
+    bus: Array,
+    constants: Array,
+    memory: Array,
+    work: Array,
+) -> float:
     """Step the motor of a split joint under ``torque``; returns what its transmission carries."""
     h, inertia = context.timestep, constants[layout.ARMATURE, j]
     unit, column = work[4], work[layout.SCRATCH]
@@ -175,7 +199,19 @@ def _move_motor(context, model, data, j, torque, bus, constants, memory, work): 
 
 
 @kernel
-def _log(context, model, data, output, velocity, bias, passive, bus, constants, memory, work):  # type: ignore[no-untyped-def]
+def _log(
+    context: Any,
+    model: int,
+    data: int,
+    output: Array,
+    velocity: Array,
+    bias: Array,
+    passive: Array,
+    bus: Array,
+    constants: Array,
+    memory: Array,
+    work: Array,
+) -> None:
     """Write what happened at a tick: the truth at this instant."""
     n = context.joints
     load, before, last_drive = work[0], work[1], work[2]
@@ -207,7 +243,7 @@ def _log(context, model, data, output, velocity, bias, passive, bus, constants, 
 
 
 @kernel
-def _control(context, sample, bus, constants, memory):  # type: ignore[no-untyped-def]
+def _control(context: Any, sample: int, bus: Array, constants: Array, memory: Array) -> None:
     """One tick: sample the encoders, estimate the velocity, and hold a new command."""
     row = carray(float_pointer(context.inputs), (context.samples, layout.INPUTS, context.joints))[sample]
     pole = context.velocity_pole
@@ -232,7 +268,9 @@ def _control(context, sample, bus, constants, memory):  # type: ignore[no-untype
 
 
 @kernel
-def _freeze(context, position, velocity, bias, passive, applied):  # type: ignore[no-untyped-def]
+def _freeze(
+    context: Any, position: Array, velocity: Array, bias: Array, passive: Array, applied: Array
+) -> None:
     """Stop a loop that ran away before MuJoCo meets values it warns about, and remember when."""
     if context.failed_sample < 0:
         context.failed_sample = context.step // context.substeps

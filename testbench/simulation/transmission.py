@@ -17,7 +17,15 @@ CONTACT_DAMPING_RATIO = 0.3
 
 
 @kernel
-def spring_torque(windup, rate, stiffness, damping, half_gap, compliance, timestep):  # type: ignore[no-untyped-def]
+def spring_torque(
+    windup: float,
+    rate: float,
+    stiffness: float,
+    damping: float,
+    half_gap: float,
+    compliance: float,
+    timestep: float,
+) -> float:
     """Torque s that the transmission carries, N·m.
 
     windup: q_m - q_l, rad. rate: of the windup, rad/s. half_gap: play to each side, rad.
@@ -40,7 +48,7 @@ def spring_torque(windup, rate, stiffness, damping, half_gap, compliance, timest
 
 
 @kernel
-def motor_friction(velocity, force, level, inertia, timestep):  # type: ignore[no-untyped-def]
+def motor_friction(velocity: float, force: float, level: float, inertia: float, timestep: float) -> float:
     """Coulomb friction on the motor in this step: what stops it, within ± level; N·m.
 
     force: every other torque on the motor.
