@@ -15,8 +15,8 @@ from testbench.run import run_scenario, simulation_options
 from testbench.scenario import load_scenario
 from testbench.simulation import SimulationOptions, sample_reference, simulate
 
+from .simulated_arm import Sines
 from .small_arm import ARM as SMALL_ARM
-from .test_simulation import Sines
 
 
 @pytest.fixture(scope="module")

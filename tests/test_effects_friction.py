@@ -1,0 +1,115 @@
+"""Signatures of friction, against laws written here in closed form."""
+
+import numpy as np
+import pytest
+
+from testbench.effects import effects
+from testbench.effects.signature import Logged
+from testbench.robot import Robot
+
+from .closed_form_arm import (
+    DQ,
+    FINE,
+    FINE_STEP,
+    FINENESS,
+    RATE,
+    TIME,
+    J,
+    base_space,
+    closed_form_run,
+    link_side,
+    on_joint,
+    single,
+    unexplained,
+)
+from .simulated_arm import robot_from
+from .simulated_effects import ARM
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return robot_from(ARM, tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def logged(arm: Robot) -> Logged:
+    return closed_form_run(arm)
+
+
+@pytest.fixture(scope="module")
+def base(arm: Robot) -> np.ndarray:
+    return base_space(arm)
+
+
+def test_stribeck_is_explained(arm: Robot, base: np.ndarray, logged: Logged) -> None:
+    v = DQ[:, J]
+    torque = on_joint(1.3 * np.exp(-((np.abs(v) / 0.2) ** 1.5)) * np.sign(v))
+    left, found = unexplained(base, torque, effects()["stribeck_friction"].signature([logged], J, None))
+    assert left < 0.1
+    assert found["extra"] == pytest.approx(1.3, rel=0.3)
+
+
+def test_asymmetric_friction_is_explained_exactly(arm: Robot, base: np.ndarray, logged: Logged) -> None:
+    torque = on_joint(0.4 - 0.7 * np.abs(DQ[:, J]))
+    left, found = unexplained(base, torque, effects()["asymmetric_friction"].signature([logged], J, None))
+    assert left < 1e-9
+    assert found["viscous_difference"] == pytest.approx(-0.7)
+
+
+@pytest.mark.parametrize("exponent", [0.4, 0.6, 2.0])
+def test_nonlinear_viscous_friction_is_explained(
+    arm: Robot, base: np.ndarray, logged: Logged, exponent: float
+) -> None:
+    v = DQ[:, J]
+    torque = on_joint(2.0 * np.abs(v) ** exponent * np.sign(v))
+    family = effects()["nonlinear_viscous_friction"].signature([logged], J, None)
+    assert unexplained(base, torque, family)[0] < 0.1
+
+
+def test_load_friction_is_explained(arm: Robot, base: np.ndarray, logged: Logged) -> None:
+    _, load, _ = link_side(arm, J)
+    torque = on_joint(0.08 * np.abs(load) * np.sign(DQ[:, J]))
+    left, found = unexplained(base, torque, effects()["load_dependent_friction"].signature([logged], J, None))
+    assert left < 1e-9
+    assert found["coefficient"] == pytest.approx(0.08)
+
+
+@pytest.mark.parametrize("displacement", [0.0015, 0.006])
+def test_presliding_is_explained(arm: Robot, base: np.ndarray, logged: Logged, displacement: float) -> None:
+    v = DQ[:, J]
+    stiffness = 2.0 / displacement
+    z, fine = [0.0], np.interp(FINE, TIME, v).tolist()
+    for speed in fine[1:]:
+        z.append(z[-1] + FINE_STEP * (speed - stiffness * abs(speed) * z[-1] / 2.0))
+    torque = on_joint(stiffness * np.array(z)[::FINENESS] - 2.0 * np.sign(v))
+    left, found = unexplained(base, torque, effects()["presliding_hysteresis"].signature([logged], J, None))
+    assert left < 0.1
+    assert found["stiffness"] == pytest.approx(stiffness, rel=0.5)
+
+
+def test_thermal_drift_is_explained(arm: Robot, base: np.ndarray, logged: Logged) -> None:
+    v = DQ[:, J]
+    rated_speed = 0.3 * 4.0
+    heat = np.abs((3 * v + 2 * np.sign(v)) * v) / ((3 * rated_speed + 2) * rated_speed)
+    warm = [0.0]
+    for power in heat[1:].tolist():
+        warm.append(warm[-1] + (power - warm[-1]) / (12.0 * RATE))
+    torque = on_joint(-0.4 * 3 * np.array(warm) * v)
+    family = effects()["thermal_friction_drift"].signature([logged], J, None)
+    left, found = unexplained(base, torque, single(family, time_constant=12.0, carried=0.0))
+    assert left < 0.01
+    assert found["drop"] == pytest.approx(0.4, rel=0.05)
+
+
+def test_only_rising_friction_is_flattened(logged: Logged) -> None:
+    family = effects()["nonlinear_viscous_friction"].signature([logged], J, None)
+    assert [m.lower[0] == 0 for m in family.members] == [m.shape["exponent"] < 1 for m in family.members]
+
+
+def test_warmth_is_carried_from_run_to_run_or_not(logged: Logged) -> None:
+    family = effects()["thermal_friction_drift"].signature([logged, logged], J, None)
+    cold, warm = (family.member({"time_constant": 15.0, "carried": carried}) for carried in (0.0, 1.0))
+    first, second = (columns[:, 0, 0] / DQ[:, J] for columns in warm.columns)
+    assert second[0] == pytest.approx(first[-1], rel=1e-3)
+    np.testing.assert_array_equal(cold.columns[0], cold.columns[1])
+    np.testing.assert_array_equal(cold.columns[0], warm.columns[0])

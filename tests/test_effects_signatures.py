@@ -1,0 +1,59 @@
+"""What the signatures of drive, sensing and body have in common."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbench.effects import effect
+from testbench.effects.logged import Logged
+from testbench.effects.signature import amplitude_and_phase
+from testbench.robot import load_robot
+
+from .moving_tx90 import exact_run, fast_motion
+
+NAMES = (
+    "torque_gain_error",
+    "torque_delay",
+    "actuator_lag",
+    "torque_saturation",
+    "encoder_offset",
+    "encoder_eccentricity",
+    "payload",
+    "base_tilt",
+    "external_contact",
+)
+
+
+@pytest.fixture(scope="module")
+def arm(models):
+    return load_robot(models / "tx90.xml")
+
+
+@pytest.fixture(scope="module")
+def exact(arm) -> Logged:
+    return exact_run(arm, fast_motion())
+
+
+def test_every_signature_fits_its_runs_and_two_of_them_together(exact):
+    command = replace(exact, torque_command=exact.tau)
+    for name in NAMES:
+        joint = None if effect(name).DESCRIPTION.scope == "robot" else 3
+        family = effect(name).signature([exact, command], joint, None)
+        for member in family.members:
+            assert [c.shape for c in member.columns] == [(exact.samples, len(member.rows), member.count)] * 2
+            assert (member.lower <= member.upper).all()
+            assert all(np.isfinite(columns).all() for columns in member.columns)
+
+
+def test_amplitude_and_phase_have_first_order_deviations():
+    covariance = np.array([[4e-4, 1e-4], [1e-4, 9e-4]])
+    rng = np.random.default_rng(0)
+    draws = rng.multivariate_normal([1.0, 2.0], covariance, 20000)
+    sizes = np.hypot(draws[:, 0], draws[:, 1])
+    phases = np.arctan2(draws[:, 0], draws[:, 1])
+    amplitude, amplitude_std, phase, phase_std = amplitude_and_phase(1.0, 2.0, covariance)
+    assert amplitude * np.sin(0.3 + phase) == pytest.approx(np.cos(0.3) + 2 * np.sin(0.3))
+    # The deviation of 20000 draws is itself uncertain by half a per cent.
+    assert amplitude_std == pytest.approx(sizes.std(), rel=0.03)
+    assert phase_std == pytest.approx(phases.std(), rel=0.03)
