@@ -1,0 +1,42 @@
+"""What can be chosen, how the choices compare, and a look at a result."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from .options import Processes, ScenarioSeed
+
+
+def compare(
+    question: Annotated[str, Parameter(help="criteria, estimators, differentiation or trajectories")],
+    scenario: Annotated[
+        Path | None, Parameter(help="scenario YAML; scenarios/compare_QUESTION.yaml when not given")
+    ] = None,
+    /,
+    *,
+    out: Annotated[Path, Parameter(help="folder for cases, CSV and report.html; a second call resumes")],
+    jobs: Processes = None,
+    scheduler: Annotated[
+        str | None, Parameter(help="address of a Dask scheduler whose workers run the cases")
+    ] = None,
+    seed: ScenarioSeed = None,
+) -> None:
+    """Compare every choice over seeds and noise levels; resumable, in parallel."""
+    from ..compare import compare as run_comparison
+
+    run_comparison(question, scenario, out, jobs, scheduler, seed)
+
+
+def list_names(*, json: Annotated[bool, Parameter(help="for machines", negative=())] = False) -> None:
+    """What can be chosen: models, estimators, differentiation, trajectories, criteria, effects."""
+    from ..catalogue import print_catalogue
+
+    print_catalogue(json)
+
+
+def view(directory: Annotated[Path, Parameter(help="folder that run has written")], /) -> None:
+    """Open a recorded Rerun session."""
+    from ..view import view as open_session
+
+    open_session(directory)

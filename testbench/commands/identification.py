@@ -1,0 +1,134 @@
+"""From a model to an estimate: the whole chain, and each of its steps."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from .options import Jobs, Model, ScenarioSeed, Seed, at_least
+
+
+def run(
+    scenario: Annotated[Path, Parameter(help="scenario YAML")],
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(help="folder for the results; logs/NAME when not given")] = None,
+    seed: ScenarioSeed = None,
+    jobs: Jobs = None,
+) -> None:
+    """Design, simulate, log, identify, compare with the truth, report: the whole chain."""
+    from ..run import run_scenario
+
+    run_scenario(scenario, out, seed, jobs)
+
+
+def excite(
+    *,
+    model: Model,
+    out: Annotated[Path, Parameter(help="trajectory JSON to write")],
+    criterion: Annotated[str, Parameter(help="hadamard, condition or logdet")] = "logdet",
+    trajectory: Annotated[str, Parameter(help="kind of motion, see testbench list")] = "fourier",
+    harmonics: Annotated[int, Parameter(help="harmonics of the series, or segments of a quintic")] = 5,
+    base_frequency: Annotated[float, Parameter(help="Hz; the motion repeats at this rate")] = 0.1,
+    starts: Annotated[int, Parameter(help="seeded restarts")] = 3,
+    limit_share: Annotated[float, Parameter(help="share of the model's limits to use, 0 to 1")] = 0.9,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+) -> None:
+    """Design an excitation within the limits of a model."""
+    from identification.excitation.excitation import DesignOptions
+
+    from ..excite import excite_model
+
+    options = DesignOptions(
+        trajectory=trajectory,
+        harmonics=harmonics,
+        base_frequency=base_frequency,
+        starts=starts,
+        limit_share=limit_share,
+        seed=seed,
+    )
+    excite_model(model, out, criterion, options, jobs)
+
+
+def simulate(
+    *,
+    model: Model,
+    trajectory: Annotated[Path, Parameter(help="trajectory JSON, as excite writes it")],
+    out: Annotated[Path, Parameter(help="robot-log HDF5 to write")],
+    effect: Annotated[
+        list[str] | None,
+        Parameter(help="NAME[:joint[:key=value,...]], what the model does not say; repeatable", negative=()),
+    ] = None,
+    periods: Annotated[int, Parameter(help="repetitions of the trajectory")] = 2,
+    controller: Annotated[
+        str, Parameter(help="pd or pd_with_model_feedforward")
+    ] = "pd_with_model_feedforward",
+    encoder_bits: Annotated[int, Parameter(help="counts a turn, 2**bits; 0 for an exact encoder")] = 17,
+    torque_noise: Annotated[float, Parameter(help="white noise as a share of the torque limit")] = 0.01,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+) -> None:
+    """Run the simulated robot along a trajectory and log it."""
+    from ..simulate import simulate_model
+    from ..simulation import ControllerOptions, SensorOptions, SimulationOptions
+
+    options = SimulationOptions(
+        controller=ControllerOptions(kind=controller),
+        sensors=SensorOptions(
+            encoder_bits=encoder_bits,
+            slide_resolution=1e-6 if encoder_bits else 0.0,
+            torque_noise=torque_noise,
+        ),
+        physics_timestep=2e-4,
+    )
+    simulate_model(model, trajectory, out, periods, options, effect or (), seed, jobs)
+
+
+def identify(
+    logs: Annotated[list[Path], Parameter(help="robot-log files to fit", consume_multiple=True, negative=())],
+    /,
+    *,
+    model: Model,
+    out: Annotated[Path, Parameter(help="folder for estimate.json and report.html")],
+    validate: Annotated[
+        list[Path] | None,
+        Parameter(help="logs that are predicted, not fitted", consume_multiple=True, negative=()),
+    ] = None,
+    estimator: Annotated[str, Parameter(help="see testbench list")] = "wls",
+    identification_model: Annotated[
+        str, Parameter(help="equations to fit, see models in testbench list")
+    ] = "inverse_dynamic",
+    differentiation: Annotated[str, Parameter(help="see testbench list")] = "rloess",
+    parameters: Annotated[
+        list[str] | None,
+        Parameter(
+            help="inertial armature viscous coulomb offset; all when not given",
+            consume_multiple=True,
+            negative=(),
+        ),
+    ] = None,
+    cutoff: Annotated[float, Parameter(help="Hz, low-pass on torque and regressor")] = 20.0,
+    dead_zone: Annotated[float, Parameter(help="rad/s; slower samples do not count")] = 0.02,
+    write_model: Annotated[
+        Path | None, Parameter(help="MJCF to write: the model as identified, physically consistent")
+    ] = None,
+    seed: Annotated[
+        int, Parameter(help="taken, as everywhere; nothing here is random", validator=at_least(0, "--seed"))
+    ] = 0,
+    jobs: Annotated[
+        int | None,
+        Parameter(help="taken, as everywhere; the kernels use all cores", validator=at_least(1, "--jobs")),
+    ] = None,
+) -> None:
+    """Identify a robot's base parameters from its logs and validate them on others."""
+    from identification.models import Preprocessing
+    from identification.parameters import GROUPS
+    from identification.pipeline import IdentificationOptions
+
+    from ..identify import identify_logs
+
+    groups = tuple(GROUPS) if parameters is None else tuple(parameters)
+    preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
+    options = IdentificationOptions(estimator, groups, preprocessing)
+    identify_logs(model, logs, validate or [], out, options, write_model)

@@ -1,0 +1,35 @@
+"""Options that several commands take."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from identification.errors import InputError
+
+
+def at_least(lowest: int, option: str) -> Callable[[Any, Any], None]:
+    """A cyclopts validator of an option's whole number. It raises InputError below the lowest."""
+
+    def check(_: Any, value: Any) -> None:
+        if value is not None and value < lowest:
+            raise InputError("testbench", option, f"a whole number of at least {lowest}", value)
+
+    return check
+
+
+Jobs = Annotated[
+    int | None,
+    Parameter(help="worker threads; all cores when not given", validator=at_least(1, "--jobs")),
+]
+Processes = Annotated[
+    int | None, Parameter(help="processes; all cores when not given", validator=at_least(1, "--jobs"))
+]
+Seed = Annotated[
+    int, Parameter(help="seed of everything random; one seed, one result", validator=at_least(0, "--seed"))
+]
+ScenarioSeed = Annotated[
+    int | None, Parameter(help="instead of the scenario's", validator=at_least(0, "--seed"))
+]
+Model = Annotated[Path, Parameter(help="MJCF, or a URDF that MuJoCo reads")]
