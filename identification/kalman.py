@@ -12,18 +12,22 @@ linear inside the dead zone, where the sign of the velocity is unknown and a joi
 import numpy as np
 from numpy.typing import NDArray
 
+from .forward_dynamics import (
+    ChainArrays,
+    Motions,
+    RobotArrays,
+    accelerate,
+    friction_direction,
+    integrate,
+    invert,
+)
 from .inverse_dynamics import _inverse_dynamics
 from .kinematics import kernel
 from .parameters import COULOMB, PER_JOINT
 from .regressor import _regressor
 
 Array = NDArray[np.float64]
-# is_slide, rotation, translation, gravity.
-ChainArrays = tuple[NDArray[np.bool_], Array, Array, Array]
-# The chain, the table of standard parameters, Coulomb friction, dead zones.
-RobotArrays = tuple[ChainArrays, Array, Array, Array]
-# Scratch for positions, velocities, accelerations.
-Motions = tuple[Array, Array, Array]
+
 
 # Step of the differences in position and velocity, rad and rad/s (m).
 DIFFERENCE = 1e-6
@@ -78,15 +82,15 @@ def extended_kalman_filter(
             robot = (chain, table, coulomb, dead_zone)
             first = stride * (k - 1)
             q, dq = state[:n], state[n : 2 * n]
-            if not _accelerate(robot, q, dq, torque[first], work, torques, mass, unused):
+            if not accelerate(robot, q, dq, torque[first], work, torques, mass, unused):
                 return False
-            _invert(mass, inverse)
+            invert(mass, inverse)
             _slopes(
                 robot, columns, slots, scale, state, acceleration[k - 1], inverse, work, torques, rows, slopes
             )
             _propagate(covariance, slopes, inverse, torque_variance[k - 1], step)
             for sample in range(first, first + stride):
-                if not _integrate(
+                if not integrate(
                     robot,
                     q,
                     dq,
@@ -106,7 +110,7 @@ def extended_kalman_filter(
         _parameters(constant, columns, scale, state[2 * n :], table, coulomb)
         q, dq = state[:n], state[n : 2 * n]
         robot = (chain, table, coulomb, dead_zone)
-        positive = _accelerate(robot, q, dq, torque[stride * k], work, torques, mass, unused)
+        positive = accelerate(robot, q, dq, torque[stride * k], work, torques, mass, unused)
         if k == 0:
             if not positive:
                 return False
@@ -135,77 +139,6 @@ def _parameters(
     for j in range(coulomb.size):
         coulomb[j] = table[j, COULOMB]
         table[j, COULOMB] = 0.0
-
-
-@kernel
-def _direction(velocity: float, dead_zone: float) -> float:
-    """The velocity's sign, linear inside the dead zone."""
-    return min(1.0, max(-1.0, velocity / dead_zone))
-
-
-@kernel
-def _accelerate(
-    robot: RobotArrays,
-    q: Array,
-    dq: Array,
-    tau: Array,
-    work: Motions,
-    torques: Array,
-    mass: Array,
-    out: Array,
-) -> bool:
-    """Forward dynamics: ddq (n,) into ``out``, the mass matrix's Cholesky factor into ``mass``."""
-    (is_slide, rotation, translation, gravity), table, coulomb, dead_zone = robot
-    n = q.size
-    positions, velocities, accelerations = work
-    for r in range(n + 1):
-        for j in range(n):
-            positions[r, j], velocities[r, j] = q[j], dq[j]
-            accelerations[r, j] = 1.0 if r == j else 0.0
-    _inverse_dynamics(
-        is_slide, rotation, translation, gravity, table, 0.0,
-        positions[: n + 1], velocities[: n + 1], accelerations[: n + 1], torques[: n + 1],
-    )  # fmt: skip
-    for i in range(n):
-        for j in range(n):
-            mass[i, j] = torques[j, i] - torques[n, i]
-        out[i] = tau[i] - torques[n, i] - coulomb[i] * _direction(dq[i], dead_zone[i])
-    for j in range(n):
-        for i in range(j, n):
-            entry = mass[i, j]
-            for c in range(j):
-                entry -= mass[i, c] * mass[j, c]
-            if i == j:
-                if not entry > 0.0:
-                    return False
-                mass[j, j] = np.sqrt(entry)
-            else:
-                mass[i, j] = entry / mass[j, j]
-    _solve(mass, out)
-    return True
-
-
-@kernel
-def _solve(factor: Array, x: Array) -> None:
-    """x <- (L L')^-1 x in place, L the lower triangle of ``factor``."""
-    n = x.size
-    for i in range(n):
-        for c in range(i):
-            x[i] -= factor[i, c] * x[c]
-        x[i] /= factor[i, i]
-    for i in range(n - 1, -1, -1):
-        for c in range(i + 1, n):
-            x[i] -= factor[c, i] * x[c]
-        x[i] /= factor[i, i]
-
-
-@kernel
-def _invert(factor: Array, out: Array) -> None:
-    """(L L')^-1 into ``out``."""
-    out[:] = 0.0
-    for j in range(out.shape[0]):
-        out[j, j] = 1.0
-        _solve(factor, out[j])
 
 
 @kernel
@@ -245,7 +178,7 @@ def _slopes(
     for i in range(b):
         if columns[i] % PER_JOINT == COULOMB:
             joint = columns[i] // PER_JOINT
-            rows[0, joint, i] = _direction(state[n + joint], dead_zone[joint])
+            rows[0, joint, i] = friction_direction(state[n + joint], dead_zone[joint])
     slopes[:] = 0.0
     for i in range(n):
         slopes[i, n + i] = 1.0
@@ -304,40 +237,6 @@ def _propagate(covariance: Array, slopes: Array, inverse: Array, variance: Array
     for r in range(size):
         for c in range(r):
             covariance[r, c] = covariance[c, r]
-
-
-@kernel
-def _integrate(
-    robot: RobotArrays,
-    q: Array,
-    dq: Array,
-    before: Array,
-    after: Array,
-    step: float,
-    substeps: int,
-    work: Motions,
-    torques: Array,
-    mass: Array,
-) -> bool:
-    """Move q and dq (n,) on by ``step`` with the midpoint rule, torque linear in between."""
-    n = before.size
-    h = step / substeps
-    position, velocity, tau, acceleration = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    for s in range(substeps):
-        for stage in range(2):
-            share = (s + 0.5 * stage) / substeps
-            for j in range(n):
-                tau[j] = before[j] + share * (after[j] - before[j])
-                position[j], velocity[j] = q[j], dq[j]
-                if stage == 1:
-                    position[j] += 0.5 * h * dq[j]
-                    velocity[j] += 0.5 * h * acceleration[j]
-            if not _accelerate(robot, position, velocity, tau, work, torques, mass, acceleration):
-                return False
-        for j in range(n):
-            q[j] += h * velocity[j]
-            dq[j] += h * acceleration[j]
-    return True
 
 
 @kernel
