@@ -6,6 +6,7 @@ imported when it is called, so that ``--help`` answers at once. The commands are
 
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 
 from cyclopts import (
     App,
@@ -26,6 +27,7 @@ from .commands.identification import excite, identify, run, simulate
 app = App(
     name="testbench",
     help="Why does the simulator disagree with the robot? Identify an arm from its logs, and see.",
+    version=version("identification-testbench"),
     version_flags=["--version"],
 )
 

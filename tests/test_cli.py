@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import h5py
@@ -70,6 +71,11 @@ def test_help_is_there_and_fits_a_terminal(command: list[str], capsys: pytest.Ca
 
 def test_the_commands_of_the_contract_are_there() -> None:
     assert {"run", "excite", "simulate", "identify", "list", "view"} <= set(COMMANDS)
+
+
+def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["--version"])
+    assert capsys.readouterr().out.strip() == version("identification-testbench")
 
 
 def test_list_names_what_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
