@@ -6,14 +6,14 @@ from functools import partial
 
 import numpy as np
 
-from testbench.effects import effect
+from testbench.effects.external_contact import pushes, windows
 from testbench.effects.logged import Logged
 
-from .candidates import EVENT, Place, in_parallel
+from .candidates import Place, in_parallel
 from .evidence import fitted_to, squares
 from .likelihood import Weighed, log_of_squares, odds
 from .unclaimed import fitted_shares, foretold_shares
-from .weighing import Bank, Stage
+from .weighing import Bank, Gain, Stage
 
 # Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
 # residual; named where it explains as much.
@@ -28,8 +28,8 @@ FORETOLD = 0.15
 FITTED = 0.5
 # Log-likelihood that a push must add beyond the price of its coefficients.
 SMALLEST_GAIN = 7.5
-# Members that are fitted in full.
-TRIALS = 5
+# So many links from the last one on whose joint is seen to be loaded are considered.
+LINKS = 4
 
 
 def contact(
@@ -38,8 +38,8 @@ def contact(
     """The link that was pushed, its rivals with their probabilities; None where nothing looks like a push.
 
     An event cannot be predicted from other runs, so it is judged where it was seen, and pays for its
-    coefficients instead (Akaike). free: candidates of generic.py; a joint whose residual one of them
-    foretells was not pushed.
+    coefficients instead (Akaike). Of each kind of load the likeliest profile is fitted in full.
+    free: candidates of generic.py; a joint whose residual one of them foretells was not pushed.
     """
     foretold = foretold_shares(stage, free)
     fitted = fitted_shares(stage, free)
@@ -47,27 +47,40 @@ def contact(
     pushed = [j for j in bursts if foretold[j] < FORETOLD and fitted[j] < FITTED]
     if not pushed:
         return None
-    # A force loads the joints before its link and not those after it, though perhaps with no arm on the last.
+    # A force loads the joints before its link, though perhaps with no arm on the last, and none after it.
     last = max(j for j in pushed if not bursts[j].isdisjoint(bursts[pushed[0]]))
-    links = sorted({last, min(last + 1, stage.prepared.joints - 1)})
     logged = _without_effects(stage)
-    families = [partial(effect(EVENT).signature, logged, link, None) for link in links]
+    blocks = set().union(*(bursts[j] for j in pushed))
+    events = [_with_bursts(stage, index, windows(run, last), blocks) for index, run in enumerate(logged)]
+    links = range(last, min(last + LINKS, stage.prepared.joints))
+    families = [partial(pushes, logged, link, events) for link in links]
     bank = Bank(stage.ground, in_parallel(stage.prepared, families))
-    gains = [g for g in stage.gains(bank) if g is not None and g.candidate.place not in taken]
+    gains: dict[tuple[Place, float], Gain] = {}
+    for gain in sorted((g for g in stage.gains(bank) if g is not None), key=lambda g: g.objective):
+        gains[gain.candidate.place, gain.candidate.member.shape["kind"]] = gain
     before = squares(stage.fitted.residual)
-    likeliest: dict[Place, tuple[float, Weighed]] = {}
-    for gain in sorted(gains, key=lambda g: -g.objective)[:TRIALS]:
+    likeliest: dict[Place, Weighed] = {}
+    for gain in (gain for (place, _), gain in gains.items() if place not in taken):
         _, trial = fitted_to(stage.prepared, [*stage.hypothesis.accepted, gain.candidate])
         left = squares(trial.residual) / np.maximum(before, 1e-300)
         worth = log_of_squares(stage, left) - gain.candidate.count
         known = likeliest.get(gain.candidate.place)
-        if np.max(1 - left) > SMALLEST_SHARE and (known is None or worth > known[0]):
-            likeliest[gain.candidate.place] = worth, Weighed(gain, worth)
-    ordered = sorted((weighed for _, weighed in likeliest.values()), key=lambda w: -w.score)
+        if np.max(1 - left) > SMALLEST_SHARE and (known is None or worth > known.score):
+            likeliest[gain.candidate.place] = Weighed(gain, worth)
+    ordered = sorted(likeliest.values(), key=lambda w: -w.score)
     if not ordered or ordered[0].score < SMALLEST_GAIN:
         return None
     probability = odds([weighed.score for weighed in ordered], ordered[0].score)
     return ordered[0], tuple((w, float(p)) for w, p in zip(ordered[1:], probability[1:], strict=True))
+
+
+def _with_bursts(
+    stage: Stage, index: int, events: list[tuple[int, int]], blocks: Collection[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """The windows of a run that hold a block of a burst."""
+    kept = stage.prepared.runs[index].kept
+    spans = [(kept[block], kept[block + BURST - 1]) for run, block in blocks if run == index]
+    return [event for event in events if any(a < event[1] and event[0] <= b for a, b in spans)]
 
 
 def _without_effects(stage: Stage) -> list[Logged]:

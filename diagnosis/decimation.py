@@ -38,8 +38,13 @@ class DecimatingFilter:
     def __call__(self, columns: Array) -> Array:
         """Columns (N, ...) low-passed and decimated, (M, ...)."""
         flat = columns.reshape(len(columns), -1)
-        out = np.empty((len(self.kept(len(columns))), flat.shape[1]))
-        _convolve(flat, self.taps, self.step, out)
+        out = np.zeros((len(self.kept(len(columns))), flat.shape[1]))
+        # An event's columns are zero most of the time.
+        shown = np.flatnonzero(flat.any(axis=1))
+        if len(shown):
+            first = max(-(-(int(shown[0]) - 2 * self.reach) // self.step), 0)
+            end = int(shown[-1]) // self.step + 1
+            _convolve(flat[first * self.step :], self.taps, self.step, out[first:end])
         return out.reshape(-1, *columns.shape[1:])
 
 

@@ -11,7 +11,8 @@ from identification.excitation.fourier import FourierSeries
 from identification.inverse_dynamics import inverse_dynamics
 from testbench.effects import effect
 from testbench.effects.base import Injection
-from testbench.effects.external_contact import push_point
+from testbench.effects.external_contact import pushes
+from testbench.effects.link_force import push_point
 from testbench.effects.logged import Logged, body_in_link, logged_run
 from testbench.log import Recording
 from testbench.robot import Robot, load_robot
@@ -114,12 +115,17 @@ def test_a_payload_on_a_single_link_keeps_mujocos_shortcuts_out(tmp_path):
     assert data.qfrc_inverse[0] == pytest.approx(1.0 + 0.6**2 / 3.0)
 
 
-def pushed(arm: Robot, run: Recording, in_world: bool) -> np.ndarray:
-    """J' F (N, n) of a force of 8 N·m about joint 5, by MuJoCo's Jacobian along the true motion."""
+def pushed(arm: Robot, run: Recording, in_world: bool, beside: tuple[float, ...] = (0, 0, 0)) -> np.ndarray:
+    """J' F (N, n) of a force of 8 N·m about joint 5, by MuJoCo's Jacobian along the true motion.
+
+    beside: m, how far from the end of the link the same force acts instead.
+    """
     data = mujoco.MjData(arm.model)
     point, direction = push_point(arm.chain, 4)
+    lever = np.linalg.norm(point)
+    point = point + beside
     rotation, origin = body_in_link(arm, 4)
-    local, push = rotation.T @ (point - origin), rotation.T @ direction * 8.0 / np.linalg.norm(point)
+    local, push = rotation.T @ (point - origin), rotation.T @ direction * 8.0 / lever
     body = int(arm.model.jnt_bodyid[4])
     jacobian, out, kept = np.empty((3, 6)), np.zeros_like(run.position), None
     for k, q in enumerate(run.truth["position"]):
@@ -204,6 +210,17 @@ def test_a_push_is_found_in_time_and_explained(arm, recordings, law):
     found = fitted(run, family, change, index)
     assert abs(found["torque"].value) == pytest.approx(8.0, rel=0.15)
     assert found["intervals"].value == pytest.approx((0.8, 1.4), abs=0.15)
+
+
+@pytest.mark.parametrize("law", ["link_force", "world_force"])
+def test_a_push_at_any_point_of_a_link_is_explained_by_that_link_alone(arm, recordings, law):
+    run = logged_run(arm, recordings[law], arm.parameters, 20.0)
+    change = -pushed(arm, recordings[law], law == "world_force", beside=(0.05, -0.1, 0.2))
+    run = replace(run, tau=run.predicted + change)
+    when = [[(round(0.85 * RATE), round(1.35 * RATE))]]
+    left = [1 - explained(run, pushes([run], link, when), change, projected=False)[0] for link in (3, 4, 5)]
+    assert left[1] < 1e-3
+    assert left[1] < 0.2 * min(left[0], left[2])
 
 
 def test_no_push_is_seen_in_a_healthy_residual(arm, recordings):

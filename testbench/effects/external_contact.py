@@ -9,9 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from identification.chain import Chain
-from identification.kinematics import cross, into_link, into_parent, kernel, link_rotation
-
 from ..robot import Robot
 from .action import (
     LINK_POSITION,
@@ -27,6 +24,16 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .link_force import (
+    LINK,
+    base_in_link,
+    force_in_link,
+    independent,
+    link_table,
+    push_point,
+    push_torques,
+    wrench_torques,
+)
 from .logged import body_in_link
 from .mjcf_form import drive, joint_element
 from .signature import Family, Logged, Member, Quantity
@@ -51,14 +58,14 @@ DESCRIPTION = EffectDescription(
     confused_with=("torque_saturation", "cable_spring"),
 )
 LINK_FORCE, WORLD_FORCE, JOINT_TORQUE = range(3)
-# Parameters of the hook before its table of links, columns of that table, and its state before q and
-# torque: whether a direction is kept, and the force in base axes.
-HEAD, LINK, STATE = 12, 13, 4
+# Beside these, of the signature alone: a force at the end of the link, fixed in space, without any couple.
+WORLD_FORCE_AT_END = 3
+# Parameters of the hook before its table of links, and its state before q and torque: whether a direction
+# is kept, and the force in base axes.
+HEAD, STATE = 12, 4
 
 # The force rises and falls over this time, s, or a quarter of the duration.
 RAMP = 0.1
-# Where a link ends, if nothing follows it, m.
-SHORTEST_ARM = 0.1
 
 # A contact's window: smoothed over so long, s, the residual is so many times its usual size, which is
 # taken to be no less than this share of its largest.
@@ -68,22 +75,6 @@ SHORTEST, GAP = 0.05, 0.15
 LARGEST_SHARE, WINDOWS = 0.35, 3
 # How much longer than between its half heights a contact is: one with flanks, and a bell (half a sine).
 ABRUPT, BELL = 1.0, 1.5
-PROFILES = 2
-
-
-def push_point(chain: Chain, joint: int) -> tuple[Array, Array]:
-    """Where the link is pushed, (3,) m in its frame, and the direction (3,) of a positive torque.
-
-    It is where the next joint sits, or a tenth of a metre out; its distance from the axis is the lever.
-    """
-    end = np.zeros(3)
-    if joint + 1 < chain.joints:
-        end[:2] = chain.translation[joint + 1, :2]
-    if np.linalg.norm(end) < SHORTEST_ARM:
-        end = np.array([SHORTEST_ARM, 0.0, 0.0])
-    if chain.is_slide[joint]:
-        return end, np.array([0.0, 0.0, 1.0])
-    return end, np.array([-end[1], end[0], 0.0]) / np.linalg.norm(end)
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -97,18 +88,12 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     ramp = min(RAMP, 0.25 * values["duration"])
     head = [chain.joints, law, values["start"], values["duration"], ramp]
     head += [*point, *(direction * values["torque"] / lever), values["torque"]]
-    parameters = np.concatenate([head, _links(chain).ravel()])
+    parameters = np.concatenate([head, link_table(chain).ravel()])
     return Action((hook(Stage.TORQUE, _push, joint, parameters, STATE + 2 * chain.joints),))
 
 
-def _links(chain: Chain) -> Array:
-    """(n, 13): whether a joint slides, and its link's translation and rotation at q = 0."""
-    flat = chain.rotation.reshape(chain.joints, 9)
-    return np.ascontiguousarray(np.column_stack([chain.is_slide, chain.translation, flat]), dtype=np.float64)
-
-
 @hook_kernel
-def _push(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
+def _push(bus: int, parameters: int, state: int, joint: int) -> None:
     row = bus_row(bus, joint)
     n = int(vector(parameters, 1)[0])
     values = vector(parameters, HEAD + LINK * n)
@@ -138,62 +123,32 @@ def _push(bus, parameters, state, joint):  # type: ignore[no-untyped-def]
         bus_row(bus, i)[LINK_TORQUE] += size * torque[i]
 
 
-@kernel
-def push_torques(links, q, joint, point, fx, fy, fz, torque):  # type: ignore[no-untyped-def]
-    """Write J' F of a force at a point (3,), both in a link's frame, to torque; returns F in base axes."""
-    rotation = np.empty(9)
-    nx, ny, nz = cross(point[0], point[1], point[2], fx, fy, fz)
-    for i in range(joint, -1, -1):
-        slide = links[i, 0] == 1.0
-        torque[i] = fz if slide else nz
-        shift = turn_and_shift(links[i], q[i], rotation)
-        fx, fy, fz = into_parent(rotation, fx, fy, fz)
-        nx, ny, nz = into_parent(rotation, nx, ny, nz)
-        ox, oy, oz = links[i, 1] + shift * links[i, 6], links[i, 2] + shift * links[i, 9], links[i, 3]
-        cx, cy, cz = cross(ox, oy, oz + shift * links[i, 12], fx, fy, fz)
-        nx, ny, nz = nx + cx, ny + cy, nz + cz
-    return fx, fy, fz
-
-
-@kernel
-def force_in_link(links, q, joint, fx, fy, fz):  # type: ignore[no-untyped-def]
-    """A force in base axes, in a link's."""
-    rotation = np.empty(9)
-    for i in range(joint + 1):
-        turn_and_shift(links[i], q[i], rotation)
-        fx, fy, fz = into_link(rotation, fx, fy, fz)
-    return fx, fy, fz
-
-
-@kernel
-def turn_and_shift(link, q, rotation):  # type: ignore[no-untyped-def]
-    """Write the link's rotation in its parent (9,); returns how far it slides along its axis."""
-    slide = link[0] == 1.0
-    angle = 0.0 if slide else q
-    link_rotation(link[4:].reshape((3, 3)), np.cos(angle), np.sin(angle), rotation)
-    return q if slide else 0.0
-
-
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """Forces on the link in windows where the residual stands out: a profile of time, and one that leans.
 
-    The members differ in the force (``kind``: at the end of the link turning with it, there but fixed in
-    space, or a torque of the joint alone) and in the profile (``stretch``). No window, no member.
+    No window, no member.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    windows = [_windows(run, joint) for run in runs]
-    parameters = partial(_parameters, runs, joint, windows)
-    if not any(windows):
-        return Family(DESCRIPTION.name, joint, (), parameters)
+    return pushes(runs, joint, [windows(run, joint) for run in runs])
+
+
+def pushes(runs: Sequence[Logged], joint: int, when: Sequence[list[tuple[int, int]]]) -> Family:
+    """Forces on the link of a joint in the given windows, a run, as ``windows`` finds them.
+
+    The members differ in the force (``kind``: with a couple, which makes it one at any point, turning with
+    the link or fixed in space; a torque of the joint alone; a force at the end of the link, fixed in space)
+    and in the profile (``stretch``). No window, no member.
+    """
+    parameters = partial(_parameters, runs, joint, when)
     members = tuple(
-        _member(runs, joint, windows, kind, stretch)
-        for kind in (LINK_FORCE, WORLD_FORCE, JOINT_TORQUE)
+        _member(runs, joint, when, kind, stretch)
+        for kind in (LINK_FORCE, WORLD_FORCE, JOINT_TORQUE, WORLD_FORCE_AT_END)
         for stretch in (ABRUPT, BELL)
     )
-    return Family(DESCRIPTION.name, joint, members, parameters)
+    return Family(DESCRIPTION.name, joint, members if any(when) else (), parameters)
 
 
-def _windows(run: Logged, joint: int) -> list[tuple[int, int]]:
+def windows(run: Logged, joint: int) -> list[tuple[int, int]]:
     """First and last sample of each window, in time's order: where joints up to this one stand out."""
     width = max(int(SMOOTHING * run.sample_rate), 1)
     smooth = uniform_filter1d(run.residual[:, : joint + 1], width, axis=0)
@@ -220,33 +175,51 @@ def _windows(run: Logged, joint: int) -> list[tuple[int, int]]:
 
 
 def _member(
-    runs: Sequence[Logged], joint: int, windows: Sequence[list[tuple[int, int]]], kind: int, stretch: float
+    runs: Sequence[Logged],
+    joint: int,
+    when: Sequence[list[tuple[int, int]]],
+    kind: int,
+    stretch: float,
 ) -> Member:
-    """A coefficient for every window, component of the force and profile of time."""
+    """A coefficient for every window, component of the load and profile of time, less what does not show."""
     rows = (joint,) if kind == JOINT_TORQUE else tuple(range(joint + 1))
-    components = 1 if kind == JOINT_TORQUE else 3
-    count = sum(len(own) for own in windows) * components * PROFILES
-    columns, index = [], 0
-    for run, own in zip(runs, windows, strict=True):
-        out = np.zeros((run.samples, len(rows), count))
+    parts = []
+    for index, (run, own) in enumerate(zip(runs, when, strict=True)):
         for half_first, half_last in own:
             # A flank's half height is in its middle, a bell's a sixth of its length from the end.
             longer = 0.5 * (half_last - half_first) if stretch == BELL else RAMP * run.sample_rate
             more = int(0.5 * longer)
-            first, last = max(half_first - more, 0), min(half_last + more, run.samples)
-            torque = -_unit_torques(run, joint, first, last, kind)
-            profiles = _profiles(last - first, RAMP * run.sample_rate, stretch)
-            for component in range(components):
-                for profile in profiles:
-                    out[first:last, :, index] = profile[:, None] * torque[:, :, component]
-                    index += 1
-        columns.append(out)
-    unbounded = np.full(count, np.inf)
-    return Member({"kind": float(kind), "stretch": stretch}, rows, tuple(columns), -unbounded, unbounded)
+            part = slice(max(half_first - more, 0), min(half_last + more, run.samples))
+            profiles = _profiles(part.stop - part.start, RAMP * run.sample_rate, stretch)
+            unit = _unit_torques(run, joint, part, kind)
+            torque = np.concatenate([unit * profile[:, None, None] for profile in profiles], axis=2)
+            parts.append((index, part, -torque @ independent(torque)))
+    start = np.cumsum([0, *(torque.shape[2] for _, _, torque in parts)])
+    columns = tuple(np.zeros((run.samples, len(rows), start[-1])) for run in runs)
+    for (index, part, torque), first in zip(parts, start, strict=False):
+        columns[index][part, :, first : first + torque.shape[2]] = torque
+    unbounded = np.full(start[-1], np.inf)
+    return Member({"kind": float(kind), "stretch": stretch}, rows, columns, -unbounded, unbounded)
+
+
+def _unit_torques(run: Logged, joint: int, part: slice, kind: int) -> Array:
+    """J' of unit forces and couples on the link, (M, joint + 1, 6 or 3); (M, 1, 1) of a joint torque."""
+    q = run.q[part]
+    if kind == JOINT_TORQUE:
+        return np.ones((len(q), 1, 1))
+    unit = wrench_torques(run.chain, q, joint)
+    if kind == LINK_FORCE:
+        return unit
+    axes = base_in_link(run.chain, q, joint)
+    if kind == WORLD_FORCE_AT_END:
+        x, y, z = push_point(run.chain, joint)[0]
+        couple = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        return (unit[:, :, :3] + unit[:, :, 3:] @ couple) @ axes
+    return np.concatenate([unit[:, :, :3] @ axes, unit[:, :, 3:] @ axes], axis=2)
 
 
 def _profiles(samples: int, ramp: float, stretch: float) -> Array:
-    """A bell or a trapezoid with flanks of ``ramp`` samples, and the same leaning: (PROFILES, samples)."""
+    """A bell or a trapezoid with flanks of ``ramp`` samples, and the same leaning: (2, samples)."""
     place = (np.arange(samples) + 0.5) / samples
     if stretch == BELL:
         return np.stack([np.sin(np.pi * place), np.sin(2 * np.pi * place)])
@@ -255,33 +228,10 @@ def _profiles(samples: int, ramp: float, stretch: float) -> Array:
     return np.stack([trapezoid, trapezoid * (1 - 2 * place)])
 
 
-def _unit_torques(run: Logged, joint: int, first: int, last: int, kind: int) -> Array:
-    """J' of unit forces at the pushed point: (M, joint + 1, 3), or (M, 1, 1) of a unit joint torque."""
-    if kind == JOINT_TORQUE:
-        return np.ones((last - first, 1, 1))
-    out = np.empty((last - first, joint + 1, 3))
-    point = push_point(run.chain, joint)[0]
-    _fill_unit_torques(_links(run.chain), run.q[first:last], joint, point, kind == WORLD_FORCE, out)
-    return out
-
-
-@kernel
-def _fill_unit_torques(links, q, joint, point, in_base, out):  # type: ignore[no-untyped-def]
-    torque = np.empty(joint + 1)
-    for t in range(q.shape[0]):
-        for component in range(3):
-            fx, fy, fz = 1.0 * (component == 0), 1.0 * (component == 1), 1.0 * (component == 2)
-            if in_base:
-                fx, fy, fz = force_in_link(links, q[t], joint, fx, fy, fz)
-            push_torques(links, q[t], joint, point, fx, fy, fz, torque)
-            for i in range(joint + 1):
-                out[t, i, component] = torque[i]
-
-
 def _parameters(
     runs: Sequence[Logged],
     joint: int,
-    windows: Sequence[list[tuple[int, int]]],
+    when: Sequence[list[tuple[int, int]]],
     member: Member,
     c: Array,
     covariance: Array,
@@ -289,7 +239,7 @@ def _parameters(
     """The contact's largest torque about the joint, and when it was: start and end of each window."""
     last_row = len(member.rows) - 1
     best, std, intervals = 0.0, 0.0, []
-    for run, columns, own in zip(runs, member.columns, windows, strict=True):
+    for run, columns, own in zip(runs, member.columns, when, strict=True):
         torque = -columns[:, last_row] @ c
         peak = int(np.argmax(np.abs(torque)))
         if abs(torque[peak]) > abs(best):
