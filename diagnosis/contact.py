@@ -30,6 +30,8 @@ FITTED = 0.5
 SMALLEST_GAIN = 7.5
 # So many links from the last one on whose joint is seen to be loaded are considered.
 LINKS = 4
+# Each joint in between must have had no arm by chance: prior odds of a link against the one before.
+FARTHER = 0.5
 
 
 def contact(
@@ -67,11 +69,15 @@ def contact(
         known = likeliest.get(gain.candidate.place)
         if np.max(1 - left) > SMALLEST_SHARE and (known is None or worth > known.score):
             likeliest[gain.candidate.place] = Weighed(gain, worth)
-    ordered = sorted(likeliest.values(), key=lambda w: -w.score)
-    if not ordered or ordered[0].score < SMALLEST_GAIN:
+    weighed = list(likeliest.values())
+    best = max((each.score for each in weighed), default=0.0)
+    if best < SMALLEST_GAIN:
         return None
-    probability = odds([weighed.score for weighed in ordered], ordered[0].score)
-    return ordered[0], tuple((w, float(p)) for w, p in zip(ordered[1:], probability[1:], strict=True))
+    farther = np.array([links.index(each.candidate.family.joint or 0) for each in weighed])
+    probability = odds([each.score for each in weighed], best) * FARTHER**farther
+    order = np.argsort(-probability, kind="stable")
+    first, *rest = ((weighed[k], float(probability[k] / probability.sum())) for k in order)
+    return first[0], tuple(rest)
 
 
 def _with_bursts(
