@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
 
 Array = NDArray[np.float64]
 
@@ -18,12 +19,11 @@ def variance_inflation(residuals: Sequence[Array], used: Sequence[NDArray[np.boo
     """
     joints = residuals[0].shape[1]
     variance, inflation = np.zeros(joints), np.ones(joints)
-    for joint in range(joints):
-        series = [np.where(u[:, joint], r[:, joint], 0.0) for r, u in zip(residuals, used, strict=True)]
-        present = [u[:, joint].astype(float) for u in used]
-        products = _lagged_sum(series)
-        pairs = _lagged_sum(present)
-        if pairs[0] < 1:
+    all_products = _lagged_sum([np.where(u, r, 0.0) for r, u in zip(residuals, used, strict=True)])
+    all_pairs = _lagged_sum([u.astype(float) for u in used])
+    for joint, (products, pairs) in enumerate(zip(all_products.T, all_pairs.T, strict=True)):
+        # Half a pair is rounding.
+        if pairs[0] < 0.5:
             continue
         variance[joint] = products[0] / pairs[0]
         if variance[joint] == 0:
@@ -39,11 +39,10 @@ def variance_inflation(residuals: Sequence[Array], used: Sequence[NDArray[np.boo
 
 
 def _lagged_sum(series: Sequence[Array]) -> Array:
-    """Sum over runs of x[t] x[t + k] for every lag k, by FFT; as long as the longest run."""
+    """Sum over runs (M, n) of x[t] x[t + k] for every lag k, by FFT: (longest run, n)."""
     longest = max(len(x) for x in series)
-    total = np.zeros(longest)
-    for x in series:
-        size = 2 * len(x)
-        spectrum = np.fft.rfft(x, size)
-        total[: len(x)] += np.fft.irfft(spectrum * spectrum.conj(), size)[: len(x)]
+    size = next_fast_len(2 * longest, real=True)
+    spectra = [rfft(x, size, axis=0) for x in series]
+    power = np.sum([spectrum.real**2 + spectrum.imag**2 for spectrum in spectra], axis=0)
+    total: Array = irfft(power, size, axis=0)[:longest]
     return total
