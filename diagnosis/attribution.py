@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.parameters import PER_JOINT
 from testbench.effects import effects
 from testbench.robot import Robot
 
 from .accepted import Accepted, is_rest_of_delay, laws_of_position
 from .candidates import EVENT, SATURATION, Candidate, candidate, candidates
 from .contact import contact
-from .evidence import Design, Fit, fitted_to, log_prior, squares
+from .evidence import Design, Fit, fitted_to, log_prior, squares, standard_values
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
@@ -195,13 +194,15 @@ def _next(
     if SATURATION not in without:
         clipped = saturation(stage, before, free, limits)
         if clipped is not None and clipped.score > max((w.score for w in material), default=0.0):
+            pushed = _pushed(stage, before, free, without)
+            # Who withstands a push asks for torque as long as it lasts.
+            if pushed is not None and _is_alike(pushed.best, clipped) and pushed.best.score > clipped.score:
+                return pushed
             return _Found(clipped, (), fitted_to(stage.prepared, [*before, clipped.candidate]))
     if material:
         return _Found(*choose(stage, before, material))
-    if EVENT not in without and not any(each.is_event for each in before):
-        pushed = contact(stage, {each.place for each in before}, free)
-        if pushed is not None:
-            return _Found(*pushed, fitted_to(stage.prepared, [*before, pushed[0].candidate]))
+    if (pushed := _pushed(stage, before, free, without)) is not None:
+        return pushed
     if unclaimed(first, stage, free):
         # What has no name leaves traces of all kinds.
         return None
@@ -218,18 +219,30 @@ def _next(
     return _Found(best, rivals, fitted_to(stage.prepared, [*before, best.candidate]), is_trace=True)
 
 
+def _pushed(stage: Stage, before: Sequence[Candidate], free: Bank, without: Sequence[str]) -> _Found | None:
+    """A push of the surroundings, the only one."""
+    if EVENT in without or any(each.is_event for each in before):
+        return None
+    found = contact(stage, free)
+    if found is None:
+        return None
+    return _Found(*found, fitted_to(stage.prepared, [*before, found[0].candidate]))
+
+
+def _is_alike(first: Weighed, second: Weighed) -> bool:
+    return first.candidate.family.joint == second.candidate.family.joint
+
+
 def linearised(prepared: Prepared, hypothesis: Design, fitted: Fit) -> Prepared:
     """The runs with loads and derivatives taken at the parameters just fitted."""
     return prepared.with_parameters(standard_values(prepared, fitted))
 
 
-def standard_values(prepared: Prepared, fitted: Fit) -> Array:
-    """Standard parameters (14 n,) of a fit."""
-    return prepared.nominal + fitted.values[: PER_JOINT * prepared.joints]
-
-
 def _again(prepared: Prepared, old: Candidate) -> Candidate:
     """The same member recomputed after the runs were linearised anew."""
+    if old.is_event:
+        # A push's columns are of the motion alone.
+        return old
     logged = [run.logged for run in prepared.runs]
     family = effects()[old.family.effect].signature(logged, old.family.joint, old.family.into)
     if family.member is not None and old.member.shape:

@@ -10,7 +10,7 @@ from testbench.effects.external_contact import pushes, windows
 from testbench.effects.logged import Logged
 
 from .candidates import Place, in_parallel
-from .evidence import fitted_to, squares
+from .evidence import fitted_to, squares, standard_values
 from .likelihood import Weighed, log_of_squares, odds
 from .unclaimed import fitted_shares, foretold_shares
 from .weighing import Bank, Gain, Stage
@@ -23,7 +23,7 @@ BURST_HEIGHT = 0.2
 # And what it holds is this share of the joint's RMS torque over all the time.
 BURST_TORQUE = 0.01
 # Share of the joint's squared residual from which a function of the motion is the cause.
-FORETOLD = 0.15
+FORETOLD = 0.25
 # And share that one fits of it, though it does not foretell it: runs may reach different places.
 FITTED = 0.5
 # Log-likelihood that a push must add beyond the price of its coefficients.
@@ -34,9 +34,7 @@ LINKS = 4
 FARTHER = 0.5
 
 
-def contact(
-    stage: Stage, taken: Collection[Place], free: Bank
-) -> tuple[Weighed, tuple[tuple[Weighed, float], ...]] | None:
+def contact(stage: Stage, free: Bank) -> tuple[Weighed, tuple[tuple[Weighed, float], ...]] | None:
     """The link that was pushed, its rivals with their probabilities; None where nothing looks like a push.
 
     An event cannot be predicted from other runs, so it is judged where it was seen, and pays for its
@@ -62,7 +60,7 @@ def contact(
         gains[gain.candidate.place, gain.candidate.member.shape["kind"]] = gain
     before = squares(stage.fitted.residual)
     likeliest: dict[Place, Weighed] = {}
-    for gain in (gain for (place, _), gain in gains.items() if place not in taken):
+    for gain in gains.values():
         _, trial = fitted_to(stage.prepared, [*stage.hypothesis.accepted, gain.candidate])
         left = squares(trial.residual) / np.maximum(before, 1e-300)
         worth = log_of_squares(stage, left) - gain.candidate.count
@@ -90,13 +88,17 @@ def _with_bursts(
 
 
 def _without_effects(stage: Stage) -> list[Logged]:
-    """The runs without the torque of the effects taken in, so that a push stands out."""
+    """The runs without the torque of the effects taken in and at the parameters beside them.
+
+    So a push stands out.
+    """
+    standard = standard_values(stage.prepared, stage.fitted)
     found = []
     for index, run in enumerate(stage.prepared.runs):
         tau = run.logged.tau.copy()
         for each, part in zip(stage.hypothesis.accepted, stage.hypothesis.parts, strict=True):
             tau -= each.member.spread(index, stage.prepared.joints) @ stage.fitted.values[part]
-        found.append(replace(run.logged, tau=tau))
+        found.append(replace(run.logged, tau=tau, parameters=standard))
     return found
 
 

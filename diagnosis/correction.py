@@ -65,7 +65,11 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
     terms = [
         Term(*accepted.place, dict(accepted.member.shape), fitted.values[part])
         for accepted, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
+        if not accepted.is_event
     ]
+    # A push of one run tells nothing of another's.
+    if (again := diagnosis.recurrence) is not None:
+        terms.append(Term(*again.pushed.place, dict(again.pushed.member.shape), again.coefficients))
     return Corrected(
         chain=robot.chain,
         limits=robot.limits,

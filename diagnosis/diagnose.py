@@ -9,13 +9,14 @@ from testbench.log import Recording
 from testbench.robot import Robot
 
 from .accepted import Accepted
-from .attribution import CONFUSABLE, Attribution, attribute, standard_values
-from .evidence import Design
+from .attribution import CONFUSABLE, Attribution, attribute
+from .evidence import Design, standard_values
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
 from .intervals import rms_interval
 from .localisation import where
 from .noise import noise_rms
 from .preparation import Prepared, prepare
+from .recurrence import recurrence
 from .unclaimed import NOTHING, Unclaimed
 
 Array = NDArray[np.float64]
@@ -56,6 +57,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         timing=float(fitted.values[hypothesis.parameters - 1]),
         not_observable=found.hidden,
         notes=tuple(_unclaimed_in_words(robot, item) for item in found.unknown),
+        recurrence=recurrence(hypothesis, fitted),
     )
 
 

@@ -16,6 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import lsq_linear
 
 from identification.covariance import variance_inflation
+from identification.parameters import PER_JOINT
 
 from .candidates import Candidate
 from .ground import ground
@@ -124,6 +125,10 @@ class Normal:
                 self.xx[fold, joint, first:, first:] = z.T @ z
                 self.xy[fold, joint, first:] = z.T @ base.y[fold][joint]
 
+    def weighted(self, weights: Array) -> tuple[Array, Array]:
+        """The sums of each fold over the joints by their weights (n,): (F, p, p) and (F, p)."""
+        return np.einsum("j,fjab->fab", weights, self.xx), np.einsum("j,fja->fa", weights, self.xy)
+
 
 def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
     """Minimiser of x'Ax/2 - b'x within bounds; A (p, p) positive definite but for unknowns of no information.
@@ -154,14 +159,15 @@ def fit(prepared: Prepared, hypothesis: Design) -> Fit:
     prior_scale = 1.0
     count = determined(prepared)
     for _ in range(WEIGHT_PASSES):
-        values = _values(normal, hypothesis, weights, prior_scale, lower, upper)
+        values = _values(hypothesis, normal.weighted(weights), prior_scale, (lower, upper))
         residual = _residual(hypothesis, values)
         variance, inflation = variance_inflation(residual, hypothesis.used)
         weights = 1 / np.maximum(variance * np.minimum(inflation, LARGEST_INFLATION), 1e-30)
         prior_scale = 1.0 + float(prior_distance(hypothesis, values)) / count
-    information = np.einsum("j,fjab->ab", weights, normal.xx)
+    folds = normal.weighted(weights)
+    information = folds[0].sum(axis=0)
     information[np.diag_indices_from(information)] += scaled_precision(hypothesis, prior_scale) + RIDGE
-    values = _values(normal, hypothesis, weights, prior_scale, lower, upper)
+    values = _values(hypothesis, folds, prior_scale, (lower, upper))
     residual = _residual(hypothesis, values)
     events = np.concatenate(
         [np.zeros(hypothesis.parameters, bool), *(np.full(c.count, c.is_event) for c in hypothesis.accepted)]
@@ -169,8 +175,8 @@ def fit(prepared: Prepared, hypothesis: Design) -> Fit:
     distance = float(values**2 @ scaled_precision(hypothesis, prior_scale))
     held_out = [np.zeros_like(gap) for gap in hypothesis.gap]
     for fold, (run, part) in enumerate(prepared.folds):
-        rest = [other for other in range(len(prepared.folds)) if other != fold]
-        apart = _values(normal, hypothesis, weights, prior_scale, lower, upper, rest)
+        rest = tuple(np.delete(part_of_fold, fold, axis=0) for part_of_fold in folds)
+        apart = _values(hypothesis, rest, prior_scale, (lower, upper))
         # No other run foretells an event: it is told apart from what the model predicts, not predicted.
         apart[events] = values[events]
         held_out[run][part] = _left(hypothesis, run, part, apart)
@@ -190,6 +196,11 @@ def fitted_to(prepared: Prepared, accepted: Sequence[Candidate]) -> tuple[Design
     """The hypothesis that these effects act, and its fit."""
     hypothesis = design(prepared, accepted)
     return hypothesis, fit(prepared, hypothesis)
+
+
+def standard_values(prepared: Prepared, fitted: Fit) -> Array:
+    """Standard parameters (14 n,) of a fit."""
+    return prepared.nominal + fitted.values[: PER_JOINT * prepared.joints]
 
 
 def squares(residual: Sequence[Array]) -> Array:
@@ -231,19 +242,12 @@ def determined(prepared: Prepared) -> float:
 
 
 def _values(
-    normal: Normal,
-    hypothesis: Design,
-    weights: Array,
-    prior_scale: float,
-    lower: Array,
-    upper: Array,
-    folds: Sequence[int] | None = None,
+    hypothesis: Design, folds: tuple[Array, ...], prior_scale: float, bounds: tuple[Array, Array]
 ) -> Array:
-    chosen = list(range(len(normal.xx))) if folds is None else list(folds)
-    matrix = np.einsum("j,fjab->ab", weights, normal.xx[chosen])
-    right = np.einsum("j,fja->a", weights, normal.xy[chosen])
+    """Unknowns (p,) from weighted sums of some folds, (F, p, p) and (F, p)."""
+    matrix, right = (part.sum(axis=0) for part in folds)
     matrix[np.diag_indices_from(matrix)] += scaled_precision(hypothesis, prior_scale)
-    return solve(matrix, right, lower, upper)
+    return solve(matrix, right, *bounds)
 
 
 def _residual(hypothesis: Design, values: Array) -> tuple[Array, ...]:

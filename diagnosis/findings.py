@@ -11,6 +11,7 @@ from testbench.robot import Robot
 from .candidates import Candidate
 from .evidence import Design, Fit
 from .preparation import Prepared
+from .recurrence import Recurrence
 
 Array = NDArray[np.float64]
 
@@ -126,6 +127,7 @@ class Diagnosis:
     parameters_only, final: (hypothesis, fit) after re-identification and with the effects.
     parameters: (14 n,) re-identified standard parameters of the final hypothesis; timing: s, the
     common torque delay that goes with them. not_observable: effects nothing of which would show.
+    recurrence: the push as one that every run has.
     """
 
     robot: Robot
@@ -142,3 +144,4 @@ class Diagnosis:
     timing: float
     not_observable: tuple[tuple[str, int | None], ...] = ()
     notes: tuple[str, ...] = field(default_factory=tuple)
+    recurrence: Recurrence | None = None

@@ -110,7 +110,7 @@ def render(
         experiment=next_experiment,
         unknown=diagnosis.verdict == "unknown",
         not_in_mjcf=list(not_in_mjcf),
-        notes=list(diagnosis.notes),
+        notes=[*diagnosis.notes, *words.recurrence(diagnosis)],
         plotly=Markup(get_plotlyjs()),
     )
 

@@ -76,3 +76,12 @@ def verdict(diagnosis: Diagnosis) -> str:
         "effect": "unmodelled effect" + ("s" if len(diagnosis.effects) > 1 else ""),
         "unknown": "unknown cause",
     }[diagnosis.verdict]
+
+
+def recurrence(diagnosis: Diagnosis) -> list[str]:
+    """That a push is in every run, and so in predictions; nothing where it is not."""
+    if diagnosis.recurrence is None:
+        return []
+    shape = diagnosis.recurrence.pushed.member.shape
+    when = f"from {shape['first']:.2f} to {shape['last']:.2f} s"
+    return [f"The push comes in every run alike, {when}: predictions along other logs repeat it."]

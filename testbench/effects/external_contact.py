@@ -1,13 +1,12 @@
 """External contact: something pushes a link for a while."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from ..robot import Robot
 from .action import (
@@ -24,18 +23,22 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .link_force import (
-    LINK,
-    base_in_link,
-    force_in_link,
-    independent,
-    link_table,
-    push_point,
-    push_torques,
-    wrench_torques,
-)
+from .link_force import LINK, force_in_link, independent, link_table, push_point, push_torques
 from .logged import body_in_link
 from .mjcf_form import drive, joint_element
+from .push import (
+    ABRUPT,
+    BELL,
+    JOINT_TORQUE,
+    LINK_FORCE,
+    RAMP,
+    SMOOTHING,
+    WORLD_FORCE,
+    WORLD_FORCE_AT_END,
+    push_torques_of,
+    widened,
+    windows,
+)
 from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
@@ -57,24 +60,9 @@ DESCRIPTION = EffectDescription(
     laws=("link_force", "world_force", "joint_torque"),
     confused_with=("torque_saturation", "cable_spring"),
 )
-LINK_FORCE, WORLD_FORCE, JOINT_TORQUE = range(3)
-# Beside these, of the signature alone: a force at the end of the link, fixed in space, without any couple.
-WORLD_FORCE_AT_END = 3
 # Parameters of the hook before its table of links, and its state before q and torque: whether a direction
 # is kept, and the force in base axes.
 HEAD, STATE = 12, 4
-
-# The force rises and falls over this time, s, or a quarter of the duration.
-RAMP = 0.1
-
-# A contact's window: smoothed over so long, s, the residual is so many times its usual size, which is
-# taken to be no less than this share of its largest.
-SMOOTHING, THRESHOLD, QUIETEST = 0.1, 4.0, 0.05
-SHORTEST, GAP = 0.05, 0.15
-# What covers more of a run than this is no event; the strongest so many windows a run are taken.
-LARGEST_SHARE, WINDOWS = 0.35, 3
-# How much longer than between its half heights a contact is: one with flanks, and a bell (half a sine).
-ABRUPT, BELL = 1.0, 1.5
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -135,43 +123,39 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 def pushes(runs: Sequence[Logged], joint: int, when: Sequence[list[tuple[int, int]]]) -> Family:
     """Forces on the link of a joint in the given windows, a run, as ``windows`` finds them.
 
-    The members differ in the force (``kind``: with a couple, which makes it one at any point, turning with
-    the link or fixed in space; a torque of the joint alone; a force at the end of the link, fixed in space)
-    and in the profile (``stretch``). No window, no member.
+    The members differ in the force (``kind``: with a couple, turning with the link or fixed in space; a
+    torque of the joint alone; at the end of the link, fixed in space) and in the profile (``stretch``). No
+    window, no member; but one of ``recurring_push`` can be made.
     """
-    parameters = partial(_parameters, runs, joint, when)
     members = tuple(
         _member(runs, joint, when, kind, stretch)
         for kind in (LINK_FORCE, WORLD_FORCE, JOINT_TORQUE, WORLD_FORCE_AT_END)
         for stretch in (ABRUPT, BELL)
     )
-    return Family(DESCRIPTION.name, joint, members if any(when) else (), parameters)
+    return Family(
+        effect=DESCRIPTION.name,
+        joint=joint,
+        members=members if any(when) else (),
+        parameters=partial(_parameters, runs, joint, when),
+        member=partial(recurring_push, runs, joint),
+    )
 
 
-def windows(run: Logged, joint: int) -> list[tuple[int, int]]:
-    """First and last sample of each window, in time's order: where joints up to this one stand out."""
-    width = max(int(SMOOTHING * run.sample_rate), 1)
-    smooth = uniform_filter1d(run.residual[:, : joint + 1], width, axis=0)
-    size = np.abs(smooth - np.median(smooth, axis=0))
-    usual = np.maximum(np.median(size, axis=0) / 0.6745, QUIETEST * size.max(axis=0))
-    level = (size / np.maximum(usual, np.finfo(float).tiny)).max(axis=1)
-    edges = np.flatnonzero(np.diff(np.r_[0, (level > THRESHOLD).astype(np.int8), 0]))
-    found: list[list[int]] = []
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        if found and first - found[-1][1] < GAP * run.sample_rate:
-            found[-1][1] = int(last)
-        else:
-            found.append([int(first), int(last)])
-    found = [window for window in found if window[1] - window[0] >= SHORTEST * run.sample_rate]
-    if sum(last - first for first, last in found) > LARGEST_SHARE * run.samples:
-        return []
-    found.sort(key=lambda window: -float(np.sum(level[window[0] : window[1]] ** 2)))
-    halved = []
-    for first, last in sorted(found[:WINDOWS]):
-        inside = level[first:last]
-        high = np.flatnonzero(inside > 0.5 * inside.max())
-        halved.append((first + int(high[0]), first + int(high[-1]) + 1))
-    return halved
+def recurring_push(runs: Sequence[Logged], joint: int, shape: Mapping[str, float]) -> Member:
+    """A push that is alike and at the same time in every run: ``first`` to ``last``, s, between half heights.
+
+    ``kind`` and ``stretch`` as of push.py.
+    """
+    kind, stretch = int(shape["kind"]), shape["stretch"]
+    rows, count = push_torques_of(runs[0], joint, slice(0, 1), kind, stretch).shape[1:]
+    columns = tuple(np.zeros((run.samples, rows, count)) for run in runs)
+    for run, out in zip(runs, columns, strict=True):
+        first, last = (round(shape[end] * run.sample_rate) for end in ("first", "last"))
+        part = widened(run, (first, last), stretch)
+        if part.start < part.stop:
+            out[part] = -push_torques_of(run, joint, part, kind, stretch)
+    unbounded = np.full(count, np.inf)
+    return Member(dict(shape), _rows(joint, kind), columns, -unbounded, unbounded)
 
 
 def _member(
@@ -182,17 +166,12 @@ def _member(
     stretch: float,
 ) -> Member:
     """A coefficient for every window, component of the load and profile of time, less what does not show."""
-    rows = (joint,) if kind == JOINT_TORQUE else tuple(range(joint + 1))
+    rows = _rows(joint, kind)
     parts = []
     for index, (run, own) in enumerate(zip(runs, when, strict=True)):
-        for half_first, half_last in own:
-            # A flank's half height is in its middle, a bell's a sixth of its length from the end.
-            longer = 0.5 * (half_last - half_first) if stretch == BELL else RAMP * run.sample_rate
-            more = int(0.5 * longer)
-            part = slice(max(half_first - more, 0), min(half_last + more, run.samples))
-            profiles = _profiles(part.stop - part.start, RAMP * run.sample_rate, stretch)
-            unit = _unit_torques(run, joint, part, kind)
-            torque = np.concatenate([unit * profile[:, None, None] for profile in profiles], axis=2)
+        for window in own:
+            part = widened(run, window, stretch)
+            torque = push_torques_of(run, joint, part, kind, stretch)
             parts.append((index, part, -torque @ independent(torque)))
     start = np.cumsum([0, *(torque.shape[2] for _, _, torque in parts)])
     columns = tuple(np.zeros((run.samples, len(rows), start[-1])) for run in runs)
@@ -202,30 +181,8 @@ def _member(
     return Member({"kind": float(kind), "stretch": stretch}, rows, columns, -unbounded, unbounded)
 
 
-def _unit_torques(run: Logged, joint: int, part: slice, kind: int) -> Array:
-    """J' of unit forces and couples on the link, (M, joint + 1, 6 or 3); (M, 1, 1) of a joint torque."""
-    q = run.q[part]
-    if kind == JOINT_TORQUE:
-        return np.ones((len(q), 1, 1))
-    unit = wrench_torques(run.chain, q, joint)
-    if kind == LINK_FORCE:
-        return unit
-    axes = base_in_link(run.chain, q, joint)
-    if kind == WORLD_FORCE_AT_END:
-        x, y, z = push_point(run.chain, joint)[0]
-        couple = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        return (unit[:, :, :3] + unit[:, :, 3:] @ couple) @ axes
-    return np.concatenate([unit[:, :, :3] @ axes, unit[:, :, 3:] @ axes], axis=2)
-
-
-def _profiles(samples: int, ramp: float, stretch: float) -> Array:
-    """A bell or a trapezoid with flanks of ``ramp`` samples, and the same leaning: (2, samples)."""
-    place = (np.arange(samples) + 0.5) / samples
-    if stretch == BELL:
-        return np.stack([np.sin(np.pi * place), np.sin(2 * np.pi * place)])
-    flank = np.minimum(np.minimum(place, 1 - place) * samples / ramp, 1.0)
-    trapezoid = 0.5 - 0.5 * np.cos(np.pi * flank)
-    return np.stack([trapezoid, trapezoid * (1 - 2 * place)])
+def _rows(joint: int, kind: int) -> tuple[int, ...]:
+    return (joint,) if kind == JOINT_TORQUE else tuple(range(joint + 1))
 
 
 def _parameters(

@@ -1,0 +1,125 @@
+"""A push that comes in every run alike: what the other runs foretell of it, so that it can be predicted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from testbench.effects.push import (
+    ABRUPT,
+    BELL,
+    JOINT_TORQUE,
+    KEPT_FORCE,
+    KEPT_FORCE_AT_END,
+    LINK_FORCE,
+    RAMP,
+    WORLD_FORCE,
+    WORLD_FORCE_AT_END,
+    common_times,
+)
+
+from .candidates import Candidate, candidate
+from .evidence import Design, Fit
+
+Array = NDArray[np.float64]
+
+KINDS = (LINK_FORCE, WORLD_FORCE, JOINT_TORQUE, WORLD_FORCE_AT_END, KEPT_FORCE, KEPT_FORCE_AT_END)
+# Share of the push in each run that the other runs must foretell.
+FORETOLD = 0.7
+# Of the columns' squares, against loads that these runs do not tell apart.
+RIDGE = 1e-4
+REFINEMENTS, STEP = 30, 0.02
+
+
+@dataclass(frozen=True)
+class Recurrence:
+    """A push of every run. member: of its family, with when it is. coefficients: (k,), of all runs."""
+
+    pushed: Candidate
+    coefficients: Array
+
+
+def recurrence(hypothesis: Design, fitted: Fit) -> Recurrence | None:
+    """The push of a hypothesis as one that every run has at the same time; None where the runs differ.
+
+    Judged by leaving each run out: the others must foretell its push.
+    """
+    for pushed, part in zip(hypothesis.accepted, hypothesis.parts, strict=True):
+        if pushed.is_event:
+            return _recurring(hypothesis, fitted, pushed, fitted.values[part])
+    return None
+
+
+def _recurring(hypothesis: Design, fitted: Fit, pushed: Candidate, values: Array) -> Recurrence | None:
+    runs = [run.logged for run in hypothesis.prepared.runs]
+    torque = [r + columns @ values for r, columns in zip(fitted.residual, pushed.columns, strict=True)]
+    tried: list[tuple[float, Recurrence]] = []
+
+    def foretold(kind: int, stretch: float, first: float, last: float) -> float:
+        """The least share of any run; what was tried is kept."""
+        shape = {"kind": float(kind), "stretch": stretch, "first": first, "last": last}
+        assert pushed.family.member is not None
+        made = candidate(hypothesis.prepared, pushed.family, pushed.family.member(shape))
+        squared, right, left = _sums(hypothesis, fitted, made, torque)
+        shares = [
+            _share(
+                squared[r],
+                right[r],
+                left[r],
+                _solved(squared.sum(axis=0) - squared[r], right.sum(axis=0) - right[r]),
+            )
+            for r in range(len(runs))
+        ]
+        tried.append((min(shares), Recurrence(made, _solved(squared.sum(axis=0), right.sum(axis=0)))))
+        return min(shares)
+
+    for first, last in common_times(runs, pushed.member.columns):
+        for stretch in (ABRUPT, BELL):
+            less = (last - first) / 6 if stretch == BELL else RAMP / 2
+            if last - first > 2 * less:
+                for kind in KINDS:
+                    foretold(kind, stretch, first + less, last - less)
+    if not tried:
+        return None
+    shape = max(tried, key=lambda each: each[0])[1].pushed.member.shape
+    start = np.array([shape["first"], shape["last"]])
+
+    def negative(ends: Array) -> float:
+        first, last = np.sort(ends).tolist()
+        return -foretold(int(shape["kind"]), shape["stretch"], first, last)
+
+    simplex = start + STEP * np.array([[0, 0], [1, 0], [0, 1]])
+    minimize(
+        negative, start, method="Nelder-Mead", options={"maxfev": REFINEMENTS, "initial_simplex": simplex}
+    )
+    share, best = max(tried, key=lambda each: each[0])
+    return best if share > FORETOLD else None
+
+
+def _sums(
+    hypothesis: Design, fitted: Fit, made: Candidate, torque: Sequence[Array]
+) -> tuple[Array, Array, Array]:
+    """Z'Z (R, k, k), Z'y (R, k) and y'y (R,) of each run, weighted, over the samples of the push."""
+    squared, right, left = [], [], []
+    for run, columns, own in zip(hypothesis.prepared.runs, made.columns, torque, strict=True):
+        during = columns.any(axis=(1, 2))
+        used = run.used[during] * fitted.weights
+        z, y = columns[during], own[during]
+        squared.append(np.einsum("tja,tj,tjb->ab", z, used, z))
+        right.append(np.einsum("tja,tj,tj->a", z, used, y))
+        left.append(np.sum(used * y**2))
+    return np.array(squared), np.array(right), np.array(left)
+
+
+def _solved(squared: Array, right: Array) -> Array:
+    size = np.sqrt(np.maximum(np.diag(squared), 1e-300))
+    scaled = squared / np.outer(size, size) + RIDGE * np.eye(len(size))
+    solved: Array = np.linalg.solve(scaled, right / size) / size
+    return np.where(np.diag(squared) > 0, solved, 0.0)
+
+
+def _share(squared: Array, right: Array, left: float, values: Array) -> float:
+    """Share of a run's squared torque that these coefficients explain; none where it has no such sample."""
+    return float(2 * values @ right - values @ squared @ values) / left if left > 0 else -np.inf
