@@ -17,7 +17,6 @@ from testbench.robot import Robot
 
 from .accepted import Accepted, is_rest_of_delay, laws_of_position
 from .candidates import EVENT, SATURATION, Candidate, candidate, candidates
-from .contact import contact
 from .evidence import Design, Fit, fitted_to, log_prior, squares, standard_values
 from .generic import generic_candidates
 from .ground import Ground, ground
@@ -26,14 +25,12 @@ from .materiality import (
     is_beyond_healthy,
     is_main,
     is_material,
-    is_plausible,
     with_friction,
 )
 from .observability import not_observable
 from .preparation import Prepared
-from .saturation import Cut, cuts, saturation
-from .shortlist import choose
-from .swallowed import swallowed
+from .round import Found, Search
+from .saturation import cuts
 from .unclaimed import Unclaimed, unclaimed
 from .weighing import Bank, Stage
 
@@ -42,9 +39,6 @@ Array = NDArray[np.float64]
 MOST_EFFECTS, MOST_TERMS = 6, 10
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
-# Wald's statistic of what is named: five standard deviations. A trace may have four, with this share of some
-# joint's rest: what misfit leaves rarely has.
-SMALLEST_WALD, TRACE_WALD, SMALLEST_TRACE = 25.0, 16.0, 0.025
 # Beside these the runs are linearised anew: they move the parameters that columns are taken at, or their own
 # columns hold near what was fitted only.
 RELINEARISED = (
@@ -86,42 +80,23 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     early = [*without, SATURATION, EVENT]
     base = ground(prepared)
     proposals, free = (Bank(base, c) for c in (candidates(prepared, early), generic_candidates(prepared)))
-    original, limits = Stage(base, hypothesis, fitted), cuts(prepared)
+    original = Stage(base, hypothesis, fitted)
+    search = Search(original, sized, cuts(prepared), tuple(without))
     # What an effect of the whole robot explains at a joint has nothing to do with the joint's own.
     apart = original
     accepted: list[Accepted] = []
     weighed: list[Weighed] = []
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
         stage = Stage(base, hypothesis, fitted)
-        before = [item.candidate for item in accepted]
-        weighed = _open(stage, before, proposals, sized)
-        if before and before[-1].family.joint is None:
+        if accepted and accepted[-1].candidate.family.joint is None:
             apart = stage
-        found = _next(original, stage, before, weighed, free, limits, sized, without)
+        weighed = search.open(stage, proposals)
+        found = search.round(stage, weighed, free)
         if found is None:
             break
-        # Where an imperfection of healthy size would explain it as well, nothing else need be there.
-        best, own = found.best, found.trial[1].values[-found.best.candidate.count :]
-        sizes = [
-            (best.candidate, own),
-            *((w.candidate, w.gain.coefficients) for w, p in found.rivals if p > CONFUSABLE),
-        ]
-        taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
-        somewhere = {a.candidate.family.joint for a in accepted if a.named}
-        beyond = all(is_beyond_healthy(sized, base.torque_rms, *each) for each in sizes)
-        accepted.append(
-            Accepted(
-                candidate=best.candidate,
-                probability=1.0 - sum(p for _, p in found.rivals),
-                rivals=found.rivals,
-                share=float(stage.shares(best.gain).max()),
-                worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / base.torque_rms**2)),
-                named=beyond and is_main(apart, stage, best.gain, somewhere) and found.is_certain(stage),
-                is_trace=found.is_trace,
-            )
-        )
+        accepted.append(_accepted(found, stage, apart, sized, accepted))
         hypothesis, fitted = found.trial
-        if best.candidate.family.effect in RELINEARISED:
+        if found.best.candidate.family.effect in RELINEARISED:
             prepared = linearised(prepared, hypothesis, fitted)
             base = ground(prepared)
             proposals = Bank(base, candidates(prepared, early))
@@ -144,93 +119,26 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 
-@dataclass(frozen=True)
-class _Found:
-    """What a round takes in, with its rivals and the hypothesis that has it. is_trace: as of Accepted."""
-
-    best: Weighed
-    rivals: tuple[tuple[Weighed, float], ...]
-    trial: tuple[Design, Fit]
-    is_trace: bool = False
-
-    def is_certain(self, stage: Stage) -> bool:
-        """Whether its size is known well enough for a name.
-
-        Pushes, limits and what shows in the parameters' shift are judged where they are sought.
-        """
-        family = self.best.candidate.family
-        if family.effect in (EVENT, SATURATION) or (family.swallowed and not self.is_trace):
-            return True
-        own = slice(-self.best.candidate.count, None)
-        fitted = self.trial[1]
-        wald = fitted.values[own] @ np.linalg.pinv(fitted.covariance[own, own]) @ fitted.values[own]
-        if self.is_trace:
-            return bool(wald > TRACE_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
-        return bool(wald > SMALLEST_WALD)
-
-
-def _open(stage: Stage, before: Sequence[Candidate], proposals: Bank, sized: Robot) -> list[Weighed]:
-    """Every effect that may still be taken in, best first."""
-    taken = {each.place for each in before}
-    return [
-        w
-        for w in weigh(stage, proposals)
-        if w.candidate.place not in taken and is_plausible(sized, w.candidate, w.gain.coefficients)
+def _accepted(found: Found, stage: Stage, apart: Stage, sized: Robot, before: Sequence[Accepted]) -> Accepted:
+    """What a round has found, and whether it has a name. apart: the stage before any effect of the joints."""
+    best, torque_rms = found.best, stage.ground.torque_rms
+    # Where an imperfection of healthy size would explain it as well, nothing else need be there.
+    sizes = [
+        (best.candidate, found.trial[1].values[-best.candidate.count :]),
+        *((w.candidate, w.gain.coefficients) for w, p in found.rivals if p > CONFUSABLE),
     ]
-
-
-def _next(
-    first: Stage,
-    stage: Stage,
-    before: Sequence[Candidate],
-    weighed: Sequence[Weighed],
-    free: Bank,
-    limits: Sequence[Sequence[Cut]],
-    sized: Robot,
-    without: Sequence[str],
-) -> _Found | None:
-    """What explains most: a material effect or a limit; else a push; else a trace of what is swallowed."""
-    material = [w for place, w in enumerate(weighed) if is_material(stage, w.gain, place == 0)]
-    if SATURATION not in without:
-        clipped = saturation(stage, before, free, limits)
-        if clipped is not None and clipped.score > max((w.score for w in material), default=0.0):
-            pushed = _pushed(stage, before, free, without)
-            # Who withstands a push asks for torque as long as it lasts.
-            if pushed is not None and _is_alike(pushed.best, clipped) and pushed.best.score > clipped.score:
-                return pushed
-            return _Found(clipped, (), fitted_to(stage.prepared, [*before, clipped.candidate]))
-    if material:
-        return _Found(*choose(stage, before, material))
-    if (pushed := _pushed(stage, before, free, without)) is not None:
-        return pushed
-    if unclaimed(first, stage, free):
-        # What has no name leaves traces of all kinds.
-        return None
-    after, traces = swallowed(stage, before, weighed)
-    traces = [
-        w
-        for w in traces
-        if is_plausible(sized, w.candidate, w.gain.coefficients)
-        and is_beyond_healthy(sized, stage.ground.torque_rms, w.candidate, w.gain.coefficients)
-    ]
-    if not traces:
-        return None
-    best, rivals, _ = choose(after, after.hypothesis.accepted, traces)
-    return _Found(best, rivals, fitted_to(stage.prepared, [*before, best.candidate]), is_trace=True)
-
-
-def _pushed(stage: Stage, before: Sequence[Candidate], free: Bank, without: Sequence[str]) -> _Found | None:
-    """A push of the surroundings, the only one."""
-    if EVENT in without or any(each.is_event for each in before):
-        return None
-    found = contact(stage, free)
-    if found is None:
-        return None
-    return _Found(*found, fitted_to(stage.prepared, [*before, found[0].candidate]))
-
-
-def _is_alike(first: Weighed, second: Weighed) -> bool:
-    return first.candidate.family.joint == second.candidate.family.joint
+    beyond = all(is_beyond_healthy(sized, torque_rms, *each) for each in sizes)
+    somewhere = {a.candidate.family.joint for a in before if a.named}
+    taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
+    return Accepted(
+        candidate=best.candidate,
+        probability=1.0 - sum(p for _, p in found.rivals),
+        rivals=found.rivals,
+        share=float(stage.shares(best.gain).max()),
+        worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
+        named=beyond and is_main(apart, stage, best.gain, somewhere) and found.is_certain(stage),
+        is_trace=found.is_trace,
+    )
 
 
 def linearised(prepared: Prepared, hypothesis: Design, fitted: Fit) -> Prepared:

@@ -86,14 +86,13 @@ def cuts(prepared: Prepared) -> list[list[Cut]]:
         return list(pool.map(of_joint, range(prepared.joints)))
 
 
-def saturation(
-    stage: Stage, accepted: Sequence[Candidate], free: Bank, limits: Sequence[Sequence[Cut]]
-) -> Weighed | None:
+def saturation(stage: Stage, free: Bank, limits: Sequence[Sequence[Cut]]) -> Weighed | None:
     """The joint whose drive clips, at its likeliest limit; None where none does that is not accepted yet.
 
     free: candidates of generic.py; what one of them explains better has nothing to do with a limit.
     limits: of ``cuts``.
     """
+    accepted = stage.hypothesis.accepted
     known = {each.family.joint for each in accepted if each.family.effect == SATURATION}
     found: list[_Trial] = []
     for joint, tried in enumerate(limits):

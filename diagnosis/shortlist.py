@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from .candidates import Candidate, candidate
+from .candidates import candidate
 from .evidence import Design, Fit, fitted_to
 from .likelihood import Weighed, gained, log_likelihood, odds
 from .preparation import Prepared
@@ -22,13 +22,13 @@ STEP = 0.12
 
 
 def choose(
-    stage: Stage, before: Sequence[Candidate], material: Sequence[Weighed]
+    stage: Stage, material: Sequence[Weighed]
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]]:
     """The shortlist refined and fitted jointly in full: the best, its rivals with their probabilities.
 
     A rival is what has little left to explain once the best is in; anything else is another effect.
     """
-    prepared = stage.prepared
+    prepared, before = stage.prepared, stage.hypothesis.accepted
     shortlist = [_refined(prepared, stage, w) for w in material[:SHORTLIST]]
     trials = [fitted_to(prepared, [*before, w.candidate]) for w in shortlist]
     likelihoods = [log_likelihood(stage, trial) for trial in trials]

@@ -28,19 +28,17 @@ IMPERFECTIONS = (
 BESIDE, SMALLEST_GAIN, SMALLEST_ELSEWHERE = 4.0, 9.0, 5.0
 
 
-def swallowed(
-    stage: Stage, accepted: Sequence[Candidate], weighed: Sequence[Weighed]
-) -> tuple[Stage, list[Weighed]]:
+def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Weighed]]:
     """The stage with one imperfection a joint fitted beside, and the swallowed effects that show there.
 
-    Best first. accepted: the effects of the stage. weighed: all others there, best first.
+    Best first. weighed: all effects that the stage has not, best first.
     """
     beside: dict[int, Candidate] = {}
     for each in weighed:
         joint = each.candidate.family.joint
         if joint is not None and each.candidate.family.effect in IMPERFECTIONS and each.score > BESIDE:
             beside.setdefault(joint, each.candidate)
-    after = Stage(stage.ground, *fitted_to(stage.prepared, [*accepted, *beside.values()]))
+    after = Stage(stage.ground, *fitted_to(stage.prepared, [*stage.hypothesis.accepted, *beside.values()]))
     hidden = [each.candidate for each in weighed if each.candidate.family.swallowed]
     found = weigh(after, Bank(stage.ground, hidden)) if hidden else []
     found = [each for each in found if each.score > SMALLEST_GAIN]

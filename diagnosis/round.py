@@ -1,0 +1,125 @@
+"""A round of the search: what explains most of what a hypothesis leaves, and if its size is certain."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.robot import Robot
+
+from .candidates import EVENT, SATURATION
+from .contact import contact
+from .evidence import Design, Fit, fitted_to
+from .likelihood import Weighed, weigh
+from .materiality import is_beyond_healthy, is_material, is_plausible
+from .saturation import Cut, saturation
+from .shortlist import choose
+from .swallowed import swallowed
+from .unclaimed import unclaimed
+from .weighing import Bank, Stage
+
+# Wald's statistic of what is named: five standard deviations. A trace may have four, with this share of some
+# joint's rest: what misfit leaves rarely has.
+SMALLEST_WALD, TRACE_WALD, SMALLEST_TRACE = 25.0, 16.0, 0.025
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a round takes in, with its rivals and the hypothesis that has it. is_trace: as of Accepted."""
+
+    best: Weighed
+    rivals: tuple[tuple[Weighed, float], ...]
+    trial: tuple[Design, Fit]
+    is_trace: bool = False
+
+    def is_certain(self, stage: Stage) -> bool:
+        """Whether its size is known well enough for a name.
+
+        Pushes, limits and what shows in the parameters' shift are judged where they are sought.
+        """
+        family = self.best.candidate.family
+        if family.effect in (EVENT, SATURATION) or (family.swallowed and not self.is_trace):
+            return True
+        own = slice(-self.best.candidate.count, None)
+        fitted = self.trial[1]
+        wald = fitted.values[own] @ np.linalg.pinv(fitted.covariance[own, own]) @ fitted.values[own]
+        if self.is_trace:
+            return bool(wald > TRACE_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
+        return bool(wald > SMALLEST_WALD)
+
+
+@dataclass(frozen=True)
+class Search:
+    """What stays the same from round to round.
+
+    first: re-identification alone. sized: the robot that sizes are relative to. limits: of ``cuts``. without:
+    effects taken out of the catalogue.
+    """
+
+    first: Stage
+    sized: Robot
+    limits: Sequence[Sequence[Cut]]
+    without: tuple[str, ...]
+
+    def open(self, stage: Stage, proposals: Bank) -> list[Weighed]:
+        """Every effect that may still be taken in, best first."""
+        taken = {each.place for each in stage.hypothesis.accepted}
+        return [
+            w
+            for w in weigh(stage, proposals)
+            if w.candidate.place not in taken and is_plausible(self.sized, w.candidate, w.gain.coefficients)
+        ]
+
+    def round(self, stage: Stage, weighed: Sequence[Weighed], free: Bank) -> Found | None:
+        """What explains most: a material effect or a limit; else a push; else a trace of what is swallowed.
+
+        weighed: of ``open``. free: candidates of generic.py.
+        """
+        material = [w for place, w in enumerate(weighed) if is_material(stage, w.gain, place == 0)]
+        if SATURATION not in self.without:
+            clipped = saturation(stage, free, self.limits)
+            if clipped is not None and clipped.score > max((w.score for w in material), default=0.0):
+                pushed = self._push(stage, free)
+                # Who withstands a push asks for torque as long as it lasts.
+                if pushed is not None and _is_likelier_there(pushed.best, clipped):
+                    return pushed
+                return Found(clipped, (), _with(stage, clipped))
+        if material:
+            return Found(*choose(stage, material))
+        if (pushed := self._push(stage, free)) is not None:
+            return pushed
+        if unclaimed(self.first, stage, free):
+            # What has no name leaves traces of all kinds.
+            return None
+        return self._trace(stage, weighed)
+
+    def _push(self, stage: Stage, free: Bank) -> Found | None:
+        """A push of the surroundings, the only one."""
+        if EVENT in self.without or any(each.is_event for each in stage.hypothesis.accepted):
+            return None
+        found = contact(stage, free)
+        return None if found is None else Found(*found, _with(stage, found[0]))
+
+    def _trace(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
+        """What re-identification swallows, beyond what healthy robots have of it."""
+        after, traces = swallowed(stage, weighed)
+        traces = [
+            w
+            for w in traces
+            if is_plausible(self.sized, w.candidate, w.gain.coefficients)
+            and is_beyond_healthy(self.sized, stage.ground.torque_rms, w.candidate, w.gain.coefficients)
+        ]
+        if not traces:
+            return None
+        best, rivals, _ = choose(after, traces)
+        return Found(best, rivals, _with(stage, best), is_trace=True)
+
+
+def _with(stage: Stage, weighed: Weighed) -> tuple[Design, Fit]:
+    """The hypothesis of a stage with one more effect."""
+    return fitted_to(stage.prepared, [*stage.hypothesis.accepted, weighed.candidate])
+
+
+def _is_likelier_there(one: Weighed, other: Weighed) -> bool:
+    """Whether both are at the same joint, and the one explains more."""
+    return one.candidate.family.joint == other.candidate.family.joint and one.score > other.score
