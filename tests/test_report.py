@@ -14,8 +14,8 @@ from identification.statistics import EssentialParameters, ResidualTests
 from testbench.estimate_file import write_estimate
 from testbench.findings import headline, noise_ratio, significant, torque_error
 from testbench.report import write_report
-from testbench.report.figures import envelope
 from testbench.report.page import render
+from testbench.report.style import envelope
 from testbench.results import IdentificationResult
 from testbench.summary import WIDTH, summary
 

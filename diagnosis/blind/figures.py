@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
-from testbench.report.figures import INSIDE, MUTED, OUTSIDE, TEMPLATE
+from testbench.report.style import INSIDE, MUTED, OUTSIDE, TEMPLATE
 
 from .judge import Row
 from .merit import Reliability, material

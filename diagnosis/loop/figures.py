@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from identification.excitation.trajectory import Trajectory
-from testbench.report.figures import INSIDE, MUTED, TEMPLATE
+from testbench.report.style import INSIDE, MUTED, TEMPLATE
 
 from .outcome import Outcome, Place
 from .wording import labelled

@@ -5,7 +5,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from testbench.report.figures import MEASURED, MUTED, RESIDUAL, TEMPLATE, envelope, single
+from testbench.report.style import MEASURED, MUTED, RESIDUAL, TEMPLATE, envelope, single
 
 from ..findings import Diagnosis
 from ..forward import STAGES, ForwardGap

@@ -3,7 +3,7 @@
 import numpy as np
 import plotly.graph_objects as go
 
-from testbench.report.figures import TEMPLATE
+from testbench.report.style import TEMPLATE
 
 from ..findings import Diagnosis, RegimeShare
 

@@ -5,7 +5,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from testbench.report.figures import MUTED, PREDICTED, TEMPLATE, binned_mean, envelope, single
+from testbench.report.style import MUTED, PREDICTED, TEMPLATE, binned_mean, envelope, single
 
 from ..findings import Diagnosis, NamedEffect
 from .figures import POINTS, scale

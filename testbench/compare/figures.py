@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.colors import qualitative
 
-from ..report.figures import TEMPLATE
+from ..report.style import TEMPLATE
 from .case import Row
 
 COLOURS = qualitative.D3 + qualitative.Set2

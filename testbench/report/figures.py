@@ -1,7 +1,6 @@
 """The page's plots, as plotly figures."""
 
 from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
 import plotly.graph_objects as go
@@ -13,10 +12,21 @@ from identification.estimate import TorqueFit
 from testbench.findings import ParameterRow, TorqueError
 from testbench.results import IdentificationResult
 
+from .style import (
+    INSIDE,
+    MEASURED,
+    MUTED,
+    OUTSIDE,
+    PREDICTED,
+    RESIDUAL,
+    TEMPLATE,
+    binned_mean,
+    envelope,
+    single,
+)
+
 Array = NDArray[np.float64]
 
-MEASURED, PREDICTED, RESIDUAL = "#1f77b4", "#ff7f0e", "#c0392b"
-INSIDE, OUTSIDE, MUTED = "#1f77b4", "#c0392b", "#9aa3ad"
 JOINT_COLOURS = (
     "#1f77b4",
     "#ff7f0e",
@@ -32,28 +42,6 @@ POINTS = 1200
 VELOCITY_BINS, FEWEST_SAMPLES = 25, 3
 LONGEST_LAG = 0.5
 SPECTRUM_SEGMENT = 128
-TEMPLATE = go.layout.Template(
-    layout={
-        "font": {"family": "system-ui, sans-serif", "size": 12, "color": "#2b3440"},
-        "paper_bgcolor": "white",
-        "plot_bgcolor": "white",
-        "margin": {"l": 58, "r": 16, "t": 34, "b": 42},
-        "hoverlabel": {"namelength": -1},
-        "legend": {"orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom"},
-        "xaxis": {
-            "gridcolor": "#edf0f3",
-            "zerolinecolor": "#d5dae0",
-            "linecolor": "#c6ccd3",
-            "showline": True,
-        },
-        "yaxis": {
-            "gridcolor": "#edf0f3",
-            "zerolinecolor": "#d5dae0",
-            "linecolor": "#c6ccd3",
-            "showline": True,
-        },
-    }
-)
 
 
 def torque_by_joint(
@@ -277,28 +265,6 @@ def judged_run(result: IdentificationResult) -> TorqueFit:
     return (result.validations or result.fits)[0]
 
 
-def envelope(points: int, *channels: Array) -> NDArray[np.int64]:
-    """Indices of about ``points`` samples that keep every channel's extremes, ascending.
-
-    Each of points / (2 channels) equal spans gives the smallest and the largest sample of each channel.
-    """
-    samples = len(channels[0])
-    if samples <= points:
-        return np.arange(samples)
-    edges = np.linspace(0, samples, max(1, points // (2 * len(channels))) + 1).astype(int)
-    kept = {0, samples - 1}
-    for start, stop in pairwise(edges):
-        for channel in channels:
-            kept.add(start + int(np.argmin(channel[start:stop])))
-            kept.add(start + int(np.argmax(channel[start:stop])))
-    return np.array(sorted(kept), dtype=np.int64)
-
-
-def single(values: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Single precision is plenty for a plot, and halves the page."""
-    return np.asarray(values, dtype=np.float32)
-
-
 def _panels(joints: int) -> go.Figure:
     """Three panels a row, one a joint."""
     rows = -(-joints // 3)
@@ -319,18 +285,6 @@ def _specs(
 def _residual(fit: TorqueFit, joint: int) -> Array:
     """The residual with unused samples at zero, so that the grid stays uniform."""
     return np.where(fit.used[:, joint], fit.measured[:, joint] - fit.predicted[:, joint], 0.0)
-
-
-def binned_mean(x: Array, y: Array, bins: int, fewest: int) -> tuple[Array, Array]:
-    """Centres and means of the bins of x that hold at least the fewest samples."""
-    if len(x) == 0:
-        return np.empty(0), np.empty(0)
-    edges = np.linspace(x.min(), x.max(), bins + 1)
-    index = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
-    counts = np.bincount(index, minlength=bins)
-    sums = np.bincount(index, weights=y, minlength=bins)
-    full = counts >= fewest
-    return ((edges[:-1] + edges[1:]) / 2)[full], sums[full] / counts[full]
 
 
 def _joint_line(joint: int) -> dict[str, object]:
