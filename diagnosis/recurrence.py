@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,49 +54,48 @@ def recurrence(hypothesis: Design, fitted: Fit) -> Recurrence | None:
 
 
 def _recurring(hypothesis: Design, fitted: Fit, pushed: Candidate, values: Array) -> Recurrence | None:
-    runs = [run.logged for run in hypothesis.prepared.runs]
+    prepared = hypothesis.prepared
     torque = [r + columns @ values for r, columns in zip(fitted.residual, pushed.columns, strict=True)]
-    tried: list[tuple[float, Recurrence]] = []
+    shapes: list[tuple[float, dict[str, float]]] = []
 
-    def foretold(kind: int, stretch: float, first: float, last: float) -> float:
-        """The least share of any run; what was tried is kept."""
-        shape = {"kind": float(kind), "stretch": stretch, "first": first, "last": last}
+    def judged(shape: dict[str, float]) -> tuple[float, Recurrence]:
+        """The push of that shape, and the least share of any run's that the others foretell."""
         assert pushed.family.member is not None
-        made = candidate(hypothesis.prepared, pushed.family, pushed.family.member(shape))
+        made = candidate(prepared, pushed.family, pushed.family.member(shape))
         squared, right, left = _sums(hypothesis, fitted, made, torque)
+        all_squared, all_right = squared.sum(axis=0), right.sum(axis=0)
         shares = [
-            _share(
-                squared[r],
-                right[r],
-                left[r],
-                _solved(squared.sum(axis=0) - squared[r], right.sum(axis=0) - right[r]),
-            )
-            for r in range(len(runs))
+            _share(*run, _solved(all_squared - run[0], all_right - run[1]))
+            for run in zip(squared, right, left, strict=True)
         ]
-        tried.append((min(shares), Recurrence(made, _solved(squared.sum(axis=0), right.sum(axis=0)))))
-        return min(shares)
+        return min(shares), Recurrence(made, _solved(all_squared, all_right))
 
-    for first, last in common_times(runs, pushed.member.columns):
+    def foretold(kind: float, stretch: float, first: float, last: float) -> float:
+        shape = {"kind": kind, "stretch": stretch, "first": first, "last": last}
+        shapes.append((judged(shape)[0], shape))
+        return shapes[-1][0]
+
+    for first, last in common_times([run.logged for run in prepared.runs], pushed.member.columns):
         for stretch in (ABRUPT, BELL):
             less = (last - first) / 6 if stretch == BELL else RAMP / 2
             if last - first > 2 * less:
                 for kind in KINDS:
-                    foretold(kind, stretch, first + less, last - less)
-    if not tried:
+                    foretold(float(kind), stretch, first + less, last - less)
+    if not shapes:
         return None
-    shape = max(tried, key=lambda each: each[0])[1].pushed.member.shape
-    start = np.array([shape["first"], shape["last"]])
+    _, best = max(shapes, key=itemgetter(0))
+    start = np.array([best["first"], best["last"]])
 
     def negative(ends: Array) -> float:
         first, last = np.sort(ends).tolist()
-        return -foretold(int(shape["kind"]), shape["stretch"], first, last)
+        return -foretold(best["kind"], best["stretch"], first, last)
 
     simplex = start + STEP * np.array([[0, 0], [1, 0], [0, 1]])
     minimize(
         negative, start, method="Nelder-Mead", options={"maxfev": REFINEMENTS, "initial_simplex": simplex}
     )
-    share, best = max(tried, key=lambda each: each[0])
-    return best if share > FORETOLD else None
+    share, found = judged(max(shapes, key=itemgetter(0))[1])
+    return found if share > FORETOLD else None
 
 
 def _sums(
