@@ -28,6 +28,9 @@ Array = NDArray[np.float64]
 # Shares of the samples that may lie beyond the limit, and how many it takes after decimation.
 CLIPPED = (0.002, 0.005, 0.01, 0.02, 0.035, 0.055, 0.08, 0.12, 0.17, 0.23, 0.3)
 FEWEST = 5
+# A controller that has run away asks for all it may ask for this share of the time: then so much of that.
+HELD, AT_PEAK = 0.02, 0.99
+OF_PEAK = np.geomspace(0.9, 0.02, 16)
 # The filter smears what is cut off over so many cut-off periods to either side.
 REACH_PERIODS = 0.5
 # Of the squared error beyond the limit, the share that clipping must explain, and how much larger what is
@@ -79,8 +82,10 @@ def cuts(prepared: Prepared) -> list[list[Cut]]:
         if not family.members:
             return []
         asked = np.concatenate([np.abs(torque) for torque in asked_torque(prepared, joint)])
-        limits = np.quantile(asked, 1 - np.array(CLIPPED))
-        return [_cut(prepared, family, float(limit)) for limit in limits]
+        limits, peak = np.quantile(asked, 1 - np.array(CLIPPED)), asked.max()
+        if np.mean(asked > AT_PEAK * peak) > HELD:
+            limits = np.append(limits, peak * OF_PEAK)
+        return [_cut(prepared, family, limit) for limit in np.unique(limits)[::-1].tolist()]
 
     with ThreadPoolExecutor() as pool:
         return list(pool.map(of_joint, range(prepared.joints)))

@@ -27,7 +27,9 @@ def _with_share_clipped(arm, share, law="clip"):
     return limit, simulated_runs(arm, [parse_injection(arm, text)], runs=3)
 
 
-@pytest.mark.parametrize(("share", "law", "tolerance"), [(0.05, "clip", 0.03), (0.02, "soft", 0.1)])
+@pytest.mark.parametrize(
+    ("share", "law", "tolerance"), [(0.05, "clip", 0.03), (0.02, "soft", 0.1), (0.5, "clip", 0.03)]
+)
 def test_a_limit_is_found_however_much_more_is_asked_for(arm, share, law, tolerance):
     limit, runs = _with_share_clipped(arm, share, law)
     first = _named(arm, runs)[0]
