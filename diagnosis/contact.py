@@ -30,8 +30,9 @@ FITTED = 0.5
 SMALLEST_GAIN = 7.5
 # So many links from the last one on whose joint is seen to be loaded are considered.
 LINKS = 4
-# Each joint in between must have had no arm by chance: prior odds of a link against the one before.
-FARTHER = 0.5
+# A push at random has no arm about a joint in between, to what can be seen, about once in ten: prior odds of
+# a link against the one before.
+FARTHER = 0.1
 
 
 def contact(stage: Stage, free: Bank) -> tuple[Weighed, tuple[tuple[Weighed, float], ...]] | None:
