@@ -10,7 +10,7 @@ run: $(STAMP)
 	$(BIN)/testbench run scenarios/tx90.yaml --out logs/tx90
 
 test: $(STAMP)
-	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks
