@@ -10,7 +10,7 @@ from testbench.effects.external_contact import pushes, windows
 from testbench.effects.logged import Logged
 
 from .candidates import Place, in_parallel
-from .evidence import fitted_to, squares, standard_values
+from .evidence import Design, Fit, squares, standard_values
 from .likelihood import Weighed, log_of_squares, odds
 from .unclaimed import fitted_shares, foretold_shares
 from .weighing import Bank, Gain, Stage
@@ -35,12 +35,14 @@ LINKS = 4
 FARTHER = 0.1
 
 
-def contact(stage: Stage, free: Bank) -> tuple[Weighed, tuple[tuple[Weighed, float], ...]] | None:
-    """The link that was pushed, its rivals with their probabilities; None where nothing looks like a push.
+def contact(
+    stage: Stage, free: Bank
+) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
+    """The link that was pushed, its rivals with their probabilities, and the hypothesis that has it.
 
-    An event cannot be predicted from other runs, so it is judged where it was seen, and pays for its
-    coefficients instead (Akaike). Of each kind of load the likeliest profile is fitted in full.
-    free: candidates of generic.py; a joint whose residual one of them foretells was not pushed.
+    None where nothing looks like a push. An event cannot be predicted from other runs, so it is judged where
+    it was seen, and pays for its coefficients instead (Akaike). free: candidates of generic.py; a joint whose
+    residual one of them foretells was not pushed.
     """
     foretold = foretold_shares(stage, free)
     fitted = fitted_shares(stage, free)
@@ -56,27 +58,36 @@ def contact(stage: Stage, free: Bank) -> tuple[Weighed, tuple[tuple[Weighed, flo
     links = range(last, min(last + LINKS, stage.prepared.joints))
     families = [partial(pushes, logged, link, events) for link in links]
     bank = Bank(stage.ground, in_parallel(stage.prepared, families))
-    gains: dict[tuple[Place, float], Gain] = {}
-    for gain in sorted((g for g in stage.gains(bank) if g is not None), key=lambda g: g.objective):
-        gains[gain.candidate.place, gain.candidate.member.shape["kind"]] = gain
     before = squares(stage.fitted.residual)
-    likeliest: dict[Place, Weighed] = {}
-    for gain in gains.values():
-        _, trial = fitted_to(stage.prepared, [*stage.hypothesis.accepted, gain.candidate])
-        left = squares(trial.residual) / np.maximum(before, 1e-300)
-        worth = log_of_squares(stage, left) - gain.candidate.count
-        known = likeliest.get(gain.candidate.place)
-        if np.max(1 - left) > SMALLEST_SHARE and (known is None or worth > known.score):
-            likeliest[gain.candidate.place] = Weighed(gain, worth)
-    weighed = list(likeliest.values())
-    best = max((each.score for each in weighed), default=0.0)
-    if best < SMALLEST_GAIN:
+    likeliest: dict[int, tuple[Weighed, tuple[Design, Fit]]] = {}
+    for gain in _of_each_load(stage, bank):
+        trial, link = stage.with_effects([gain.candidate]), gain.candidate.family.joint
+        left = squares(trial[1].residual) / np.maximum(before, 1e-300)
+        weighed = Weighed(gain, log_of_squares(stage, left) - gain.candidate.count)
+        assert link is not None
+        if np.max(1 - left) <= SMALLEST_SHARE:
+            continue
+        if link not in likeliest or weighed.score > likeliest[link][0].score:
+            likeliest[link] = weighed, trial
+    scores = [weighed.score for weighed, _ in likeliest.values()]
+    if max(scores, default=0.0) < SMALLEST_GAIN:
         return None
-    farther = np.array([links.index(each.candidate.family.joint or 0) for each in weighed])
-    probability = odds([each.score for each in weighed], best) * FARTHER**farther
-    order = np.argsort(-probability, kind="stable")
-    first, *rest = ((weighed[k], float(probability[k] / probability.sum())) for k in order)
-    return first[0], tuple(rest)
+    probability = odds(scores, max(scores)) * FARTHER ** (np.array(list(likeliest)) - last)
+    probability /= probability.sum()
+    ordered = sorted(zip(probability.tolist(), likeliest.values(), strict=True), key=lambda each: -each[0])
+    _, (first, trial) = ordered[0]
+    return first, tuple((weighed, share) for share, (weighed, _) in ordered[1:]), trial
+
+
+def _of_each_load(stage: Stage, bank: Bank) -> list[Gain]:
+    """The likeliest profile of each kind of load on each link."""
+    best: dict[tuple[Place, float], Gain] = {}
+    for gain in stage.gains(bank):
+        if gain is not None:
+            load = gain.candidate.place, gain.candidate.member.shape["kind"]
+            if load not in best or gain.objective > best[load].objective:
+                best[load] = gain
+    return list(best.values())
 
 
 def _with_bursts(

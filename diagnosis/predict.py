@@ -21,7 +21,6 @@ from testbench.log import Recording, check_joints, read_log, write_log
 from testbench.simulation import Reference
 from testbench.simulation.controller import feedforward
 
-from .candidates import EVENT
 from .correction import Corrected, Term, read_correction
 from .preparation import filter_cutoff
 
@@ -115,7 +114,7 @@ def term_torque(term: Term, logged: Logged) -> Array:
 
 def member_of(family: Family, shape: dict[str, float]) -> Member | None:
     """The family's member of that shape, or None where these runs have none."""
-    if family.member is not None and shape and (family.members or family.effect == EVENT):
+    if family.member is not None and shape:
         return family.member(shape)
     return next((member for member in family.members if member.shape == shape), None)
 

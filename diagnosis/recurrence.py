@@ -8,25 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from testbench.effects.push import (
-    ABRUPT,
-    BELL,
-    JOINT_TORQUE,
-    KEPT_FORCE,
-    KEPT_FORCE_AT_END,
-    LINK_FORCE,
-    RAMP,
-    WORLD_FORCE,
-    WORLD_FORCE_AT_END,
-    common_times,
-)
+from testbench.effects.push import ABRUPT, BELL, KINDS, common_times, narrowed
 
 from .candidates import Candidate, candidate
 from .evidence import Design, Fit
 
 Array = NDArray[np.float64]
 
-KINDS = (LINK_FORCE, WORLD_FORCE, JOINT_TORQUE, WORLD_FORCE_AT_END, KEPT_FORCE, KEPT_FORCE_AT_END)
 # Share of the push in each run that the other runs must foretell.
 FORETOLD = 0.7
 # Of the columns' squares, against loads that these runs do not tell apart.
@@ -77,22 +65,25 @@ def _recurring(hypothesis: Design, fitted: Fit, pushed: Candidate, values: Array
 
     for first, last in common_times([run.logged for run in prepared.runs], pushed.member.columns):
         for stretch in (ABRUPT, BELL):
-            less = (last - first) / 6 if stretch == BELL else RAMP / 2
-            if last - first > 2 * less:
+            start, end = narrowed(first, last, stretch)
+            if start < end:
                 for kind in KINDS:
-                    foretold(float(kind), stretch, first + less, last - less)
+                    foretold(float(kind), stretch, start, end)
     if not shapes:
         return None
     _, best = max(shapes, key=itemgetter(0))
-    start = np.array([best["first"], best["last"]])
+    ends_found = np.array([best["first"], best["last"]])
 
     def negative(ends: Array) -> float:
         first, last = np.sort(ends).tolist()
         return -foretold(best["kind"], best["stretch"], first, last)
 
-    simplex = start + STEP * np.array([[0, 0], [1, 0], [0, 1]])
+    simplex = ends_found + STEP * np.array([[0, 0], [1, 0], [0, 1]])
     minimize(
-        negative, start, method="Nelder-Mead", options={"maxfev": REFINEMENTS, "initial_simplex": simplex}
+        negative,
+        ends_found,
+        method="Nelder-Mead",
+        options={"maxfev": REFINEMENTS, "initial_simplex": simplex},
     )
     share, found = judged(max(shapes, key=itemgetter(0))[1])
     return found if share > FORETOLD else None

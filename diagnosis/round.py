@@ -9,7 +9,7 @@ from testbench.robot import Robot
 
 from .candidates import EVENT, SATURATION
 from .contact import contact
-from .evidence import Design, Fit, fitted_to
+from .evidence import Design, Fit
 from .likelihood import Weighed, weigh
 from .materiality import is_beyond_healthy, is_material, is_plausible
 from .saturation import Cut, saturation
@@ -83,7 +83,7 @@ class Search:
                 # Who withstands a push asks for torque as long as it lasts.
                 if pushed is not None and _is_likelier_there(pushed.best, clipped):
                     return pushed
-                return Found(clipped, (), _with(stage, clipped))
+                return Found(clipped, (), stage.with_effects([clipped.candidate]))
         if material:
             return Found(*choose(stage, material))
         if (pushed := self._push(stage, free)) is not None:
@@ -98,7 +98,7 @@ class Search:
         if EVENT in self.without or any(each.is_event for each in stage.hypothesis.accepted):
             return None
         found = contact(stage, free)
-        return None if found is None else Found(*found, _with(stage, found[0]))
+        return None if found is None else Found(*found)
 
     def _trace(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
         """What re-identification swallows, beyond what healthy robots have of it."""
@@ -112,12 +112,7 @@ class Search:
         if not traces:
             return None
         best, rivals, _ = choose(after, traces)
-        return Found(best, rivals, _with(stage, best), is_trace=True)
-
-
-def _with(stage: Stage, weighed: Weighed) -> tuple[Design, Fit]:
-    """The hypothesis of a stage with one more effect."""
-    return fitted_to(stage.prepared, [*stage.hypothesis.accepted, weighed.candidate])
+        return Found(best, rivals, stage.with_effects([best.candidate]), is_trace=True)
 
 
 def _is_likelier_there(one: Weighed, other: Weighed) -> bool:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from .candidates import candidate
-from .evidence import Design, Fit, fitted_to
+from .evidence import Design, Fit
 from .likelihood import Weighed, gained, log_likelihood, odds
 from .preparation import Prepared
 from .weighing import Bank, Stage
@@ -28,9 +28,9 @@ def choose(
 
     A rival is what has little left to explain once the best is in; anything else is another effect.
     """
-    prepared, before = stage.prepared, stage.hypothesis.accepted
+    prepared = stage.prepared
     shortlist = [_refined(prepared, stage, w) for w in material[:SHORTLIST]]
-    trials = [fitted_to(prepared, [*before, w.candidate]) for w in shortlist]
+    trials = [stage.with_effects([w.candidate]) for w in shortlist]
     likelihoods = [log_likelihood(stage, trial) for trial in trials]
     first = int(np.argmax(likelihoods))
     after = Stage(stage.ground, *trials[first])

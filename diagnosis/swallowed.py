@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from .candidates import Candidate
-from .evidence import fitted_to
 from .likelihood import Weighed, gained_by_joint, weigh
 from .weighing import Bank, Stage
 
@@ -38,7 +37,7 @@ def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Wei
         joint = each.candidate.family.joint
         if joint is not None and each.candidate.family.effect in IMPERFECTIONS and each.score > BESIDE:
             beside.setdefault(joint, each.candidate)
-    after = Stage(stage.ground, *fitted_to(stage.prepared, [*stage.hypothesis.accepted, *beside.values()]))
+    after = Stage(stage.ground, *stage.with_effects(list(beside.values())))
     hidden = [each.candidate for each in weighed if each.candidate.family.swallowed]
     found = weigh(after, Bank(stage.ground, hidden)) if hidden else []
     found = [each for each in found if each.score > SMALLEST_GAIN]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from .candidates import Candidate
-from .evidence import RIDGE, Design, Fit, Normal, log_prior, scaled_precision
+from .evidence import RIDGE, Design, Fit, Normal, fitted_to, log_prior, scaled_precision
 from .ground import Ground
 
 Array = NDArray[np.float64]
@@ -122,6 +122,10 @@ class Stage:
         self.held_squares: Array = np.sum([[np.sum(part**2) for part in fold] for fold in self.held], axis=0)
         self.counts: Array = np.sum([[len(part) for part in fold] for fold in self.held], axis=0)
         self._weighed: WeakKeyDictionary[Bank, list[Gain | None]] = WeakKeyDictionary()
+
+    def with_effects(self, more: Sequence[Candidate]) -> tuple[Design, Fit]:
+        """The hypothesis with more effects, fitted in full."""
+        return fitted_to(self.prepared, [*self.hypothesis.accepted, *more])
 
     @property
     def prior(self) -> float:

@@ -56,9 +56,7 @@ def diagnosed(
     final = design(prepared, chosen)
     final_fit = fit(prepared, final)
     effects = []
-    start = final.parameters
-    for index, each in enumerate(chosen):
-        own = slice(start, start + each.count)
+    for index, (each, own) in enumerate(zip(chosen, final.parts, strict=True)):
         values, covariance = final_fit.values[own], np.zeros((each.count + len(each.family.refine),) * 2)
         covariance[: each.count, : each.count] = final_fit.covariance[own, own]
         quantities = each.family.parameters(each.member, values, covariance)
@@ -67,7 +65,6 @@ def diagnosed(
         effects.append(
             NamedEffect(each.family.effect, *place, 0.93 - 0.1 * index, quantities, each, others, 0.6)
         )
-        start += each.count
 
     def rms(residuals: Sequence[np.ndarray]) -> np.ndarray:
         return np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))

@@ -14,7 +14,8 @@ Array = NDArray[np.float64]
 # What is pushed with. A force with a couple, which makes it one at any point: turning with the link, or fixed
 # in space. A torque of the joint alone. A force at the end of the link, fixed in space. And with a couple or
 # without, fixed in space from where the link's axes are as it starts.
-LINK_FORCE, WORLD_FORCE, JOINT_TORQUE, WORLD_FORCE_AT_END, KEPT_FORCE, KEPT_FORCE_AT_END = range(6)
+KINDS = range(6)
+LINK_FORCE, WORLD_FORCE, JOINT_TORQUE, WORLD_FORCE_AT_END, KEPT_FORCE, KEPT_FORCE_AT_END = KINDS
 AT_END, KEPT = (WORLD_FORCE_AT_END, KEPT_FORCE_AT_END), (KEPT_FORCE, KEPT_FORCE_AT_END)
 # How much longer than between its half heights a push is: one with flanks, and a bell (half a sine).
 ABRUPT, BELL = 1.0, 1.5
@@ -93,6 +94,12 @@ def widened(run: Logged, window: tuple[int, int], stretch: float) -> slice:
     longer = 0.5 * (last - first) if stretch == BELL else RAMP * run.sample_rate
     more = int(0.5 * longer)
     return slice(max(first - more, 0), min(last + more, run.samples))
+
+
+def narrowed(first: float, last: float, stretch: float) -> tuple[float, float]:
+    """Between half heights, s, from the start and end of a push: the inverse of ``widened``."""
+    flank = (last - first) / 6 if stretch == BELL else RAMP / 2
+    return first + flank, last - flank
 
 
 def push_torques_of(run: Logged, joint: int, part: slice, kind: int, stretch: float) -> Array:
