@@ -6,13 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from .candidates import Candidate
-from .evidence import DELAY
 from .likelihood import Weighed
 from .unclaimed import Unclaimed
 from .weighing import Stage
 
 SPRINGS = {"gravity_spring", "cable_spring"}
-LAG = "actuator_lag"
 # Cycles a revolution.
 SLOWEST_RIPPLE = 10.0
 
@@ -47,12 +45,6 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
             share = 1 - float(last.held_squares[joint] / max(float(first.held_squares[joint]), 1e-300))
             found.append(Unclaimed(joint, "position", share))
     return tuple(found)
-
-
-def is_rest_of_delay(item: Accepted, accepted: Sequence[Accepted]) -> bool:
-    """A lag beside a delay: what a delay that shakes the controller leaves at one joint looks like it."""
-    delayed = any(other.named and other.candidate.family.effect == DELAY for other in accepted)
-    return delayed and item.candidate.family.effect == LAG
 
 
 def _is_of_position(item: Accepted) -> bool:

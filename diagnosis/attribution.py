@@ -12,21 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from testbench.effects import effects
 from testbench.robot import Robot
 
-from .accepted import Accepted, is_rest_of_delay, laws_of_position
-from .candidates import EVENT, SATURATION, Candidate, candidate, candidates
+from .accepted import Accepted, laws_of_position
+from .candidates import EVENT, SATURATION, candidates
 from .evidence import Design, Fit, fitted_to, log_prior, squares, standard_values
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
-from .materiality import (
-    is_beyond_healthy,
-    is_main,
-    is_material,
-    with_friction,
-)
+from .linearisation import RELINEARISED, first_linearised, linearised_anew
+from .materiality import is_beyond_healthy, is_main, is_material, with_friction
 from .observability import not_observable
 from .preparation import Prepared
 from .round import Found, Search
@@ -39,17 +34,6 @@ Array = NDArray[np.float64]
 MOST_EFFECTS, MOST_TERMS = 6, 10
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
-# Beside these the runs are linearised anew: they move the parameters that columns are taken at, or their own
-# columns hold near what was fitted only.
-RELINEARISED = (
-    "encoder_offset",
-    "encoder_eccentricity",
-    "payload",
-    "base_tilt",
-    "torque_gain_error",
-    "torque_delay",
-    "thermal_friction_drift",
-)
 
 
 @dataclass(frozen=True)
@@ -72,7 +56,7 @@ class Attribution:
 
 def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     """Grow the hypothesis from "parameters only" until nothing material is left to explain."""
-    prepared = linearised(prepared, *fitted_to(prepared, []))
+    prepared = first_linearised(prepared)
     hypothesis, fitted = fitted_to(prepared, [])
     first = hypothesis, fitted
     sized = with_friction(prepared.robot, standard_values(prepared, fitted))
@@ -83,44 +67,54 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     original = Stage(base, hypothesis, fitted)
     search = Search(original, sized, cuts(prepared), tuple(without))
     # What an effect of the whole robot explains at a joint has nothing to do with the joint's own.
-    apart = original
+    stage = apart = original
+    weighed = search.open(stage, proposals)
     accepted: list[Accepted] = []
-    weighed: list[Weighed] = []
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
-        stage = Stage(base, hypothesis, fitted)
-        if accepted and accepted[-1].candidate.family.joint is None:
-            apart = stage
-        weighed = search.open(stage, proposals)
         found = search.round(stage, weighed, free)
         if found is None:
             break
-        accepted.append(_accepted(found, stage, apart, sized, accepted))
+        before, taken_in = stage, found.best.candidate.family
         hypothesis, fitted = found.trial
-        if found.best.candidate.family.effect in RELINEARISED:
-            prepared = linearised(prepared, hypothesis, fitted)
+        if taken_in.effect in RELINEARISED:
+            hypothesis, fitted = linearised_anew(hypothesis, fitted)
+            prepared = hypothesis.prepared
             base = ground(prepared)
             proposals = Bank(base, candidates(prepared, early))
             free = Bank(base, generic_candidates(prepared))
-            accepted = [replace(a, candidate=_again(prepared, a.candidate)) for a in accepted]
-            hypothesis, fitted = fitted_to(prepared, [a.candidate for a in accepted])
+        stage = Stage(base, hypothesis, fitted)
+        weighed = search.open(stage, proposals)
+        accepted.append(_accepted(found, before, apart, sized, accepted, weighed))
+        accepted = [replace(a, candidate=c) for a, c in zip(accepted, hypothesis.accepted, strict=True)]
+        if taken_in.joint is None:
+            apart = stage
         if found.is_trace:
             # It was sought last; beside it, any other trace is a rest of it.
             break
     accepted, hypothesis, fitted = _pruned(base, accepted, hypothesis, fitted)
-    last = Stage(base, hypothesis, fitted)
+    last = stage if hypothesis is stage.hypothesis else Stage(base, hypothesis, fitted)
     unknown = (*unclaimed(original, last, free), *laws_of_position(original, last, accepted))
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
     hidden = not_observable(sized, base.torque_rms, open_)
     misfit = {item.joint for item in unknown}
     # What is named beside a larger misfit of the same joint only imitates a part of it.
-    imitates = [a.candidate.family.joint in misfit or is_rest_of_delay(a, accepted) for a in accepted]
-    accepted = [replace(a, named=a.named and not other) for a, other in zip(accepted, imitates, strict=True)]
+    accepted = [replace(a, named=a.named and a.candidate.family.joint not in misfit) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 
-def _accepted(found: Found, stage: Stage, apart: Stage, sized: Robot, before: Sequence[Accepted]) -> Accepted:
-    """What a round has found, and whether it has a name. apart: the stage before any effect of the joints."""
+def _accepted(
+    found: Found,
+    stage: Stage,
+    apart: Stage,
+    sized: Robot,
+    before: Sequence[Accepted],
+    rest: Sequence[Weighed],
+) -> Accepted:
+    """What a round has found, and whether it has a name.
+
+    apart: the stage before any effect of the joints. rest: what is left to explain beside it.
+    """
     best, torque_rms = found.best, stage.ground.torque_rms
     # Where an imperfection of healthy size would explain it as well, nothing else need be there.
     sizes = [
@@ -128,7 +122,8 @@ def _accepted(found: Found, stage: Stage, apart: Stage, sized: Robot, before: Se
         *((w.candidate, w.gain.coefficients) for w, p in found.rivals if p > CONFUSABLE),
     ]
     beyond = all(is_beyond_healthy(sized, torque_rms, *each) for each in sizes)
-    somewhere = {a.candidate.family.joint for a in before if a.named}
+    # What a push leaves is where it was.
+    somewhere = {a.candidate.family.joint for a in before if a.named and not a.candidate.is_event}
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(
         candidate=best.candidate,
@@ -136,26 +131,9 @@ def _accepted(found: Found, stage: Stage, apart: Stage, sized: Robot, before: Se
         rivals=found.rivals,
         share=float(stage.shares(best.gain).max()),
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
-        named=beyond and is_main(apart, stage, best.gain, somewhere) and found.is_certain(stage),
+        named=beyond and is_main(apart, stage, best, somewhere, rest) and found.is_certain(stage),
         is_trace=found.is_trace,
     )
-
-
-def linearised(prepared: Prepared, hypothesis: Design, fitted: Fit) -> Prepared:
-    """The runs with loads and derivatives taken at the parameters just fitted."""
-    return prepared.with_parameters(standard_values(prepared, fitted))
-
-
-def _again(prepared: Prepared, old: Candidate) -> Candidate:
-    """The same member recomputed after the runs were linearised anew."""
-    if old.is_event:
-        # A push's columns are of the motion alone.
-        return old
-    logged = [run.logged for run in prepared.runs]
-    family = effects()[old.family.effect].signature(logged, old.family.joint, old.family.into)
-    if family.member is not None and old.member.shape:
-        return candidate(prepared, family, family.member(old.member.shape))
-    return candidate(prepared, family, family.members[0])
 
 
 def _pruned(

@@ -63,15 +63,15 @@ def gained_by_shift(stage: Stage, gain: Gain) -> float:
     return gain.prior - stage.prior
 
 
-def log_of_squares(stage: Stage, squared: Array) -> float:
-    """Log-likelihood of squared residuals (n,) on the samples of a stage; up to a constant."""
-    return -0.5 * INDEPENDENT * float(np.sum(stage.counts * np.log(np.maximum(squared, 1e-300))))
+def log_of_squares(counts: Array, squared: Array) -> float:
+    """Log-likelihood of squared residuals (n,) of so many samples (n,); up to a constant."""
+    return -0.5 * INDEPENDENT * float(np.sum(counts * np.log(np.maximum(squared, 1e-300))))
 
 
-def log_likelihood(stage: Stage, trial: tuple[Design, Fit]) -> float:
-    """Of a hypothesis fitted in full, on the samples of a stage; up to a constant."""
-    held_out = log_of_squares(stage, squares(trial[1].held_out))
-    return held_out + float(log_prior(trial[0], trial[1].values))
+def log_likelihood(hypothesis: Design, fitted: Fit) -> float:
+    """Of a hypothesis fitted in full; up to a constant."""
+    counts = np.sum([np.sum(used, axis=0) for used in hypothesis.used], axis=0)
+    return log_of_squares(counts, squares(fitted.held_out)) + float(log_prior(hypothesis, fitted.values))
 
 
 def weigh(stage: Stage, bank: Bank) -> list[Weighed]:

@@ -5,7 +5,7 @@ where re-identification swallows it, when it spares the parameters a shift that 
 named when it is also larger than what every healthy robot has.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from testbench.effects.size import scale_of, typical_range
 from testbench.robot import Robot
 
 from .candidates import Candidate
-from .likelihood import gained, gained_by_shift, gained_elsewhere
+from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
 from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]
@@ -36,15 +36,19 @@ SMALLEST_ELSEWHERE = 7.5
 # Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
 # because its law is not quite the robot's is less.
 NAMED_SHARE, SECOND_SHARE = 0.05, 0.2
-# At a joint that has an effect already: or this share of what is left there, and of its RMS torque.
-SECOND_LEFT, SECOND_TORQUE = 0.5, 0.02
-# And the share of what is left there when it is taken in: imperfections that are no smaller would not let
-# it be told from them.
-STANDING_OUT = 0.2
+# At a joint that has an effect already: or this share of what is left there, and of its RMS torque; or the
+# log-likelihood as a multiple of what any other joint's effect gains beside it.
+SECOND_LEFT, SECOND_TORQUE, SECOND_PROMINENT = 0.5, 0.02, 8.0
+# And the share of what is left there when it is taken in, or that multiple of log-likelihood: imperfections
+# that are no smaller would not let it be told from them.
+STANDING_OUT, PROMINENT = 0.2, 3.0
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
 HEALTHY: Mapping[str, float] = {
+    # Springs that stiffen, and bristles that do not slip at first, are fitted two to three times too stiff.
+    "joint_elasticity": 0.35,
+    "presliding_hysteresis": 0.3,
     "asymmetric_friction": 2.0,
     "stribeck_friction": 1.0,
     # Ripple's typical range is of the torque limit, and few motions need so much.
@@ -101,23 +105,29 @@ def is_material(stage: Stage, gain: Gain, is_best: bool = False) -> bool:
     return bool(np.any(enough[list(gain.candidate.member.rows)]))
 
 
-def is_main(first: Stage, stage: Stage, gain: Gain, named: Collection[int | None]) -> bool:
+def is_main(
+    first: Stage, stage: Stage, best: Weighed, named: Collection[int | None], rest: Sequence[Weighed]
+) -> bool:
     """Whether it explains a fair part of some joint's residual of the first stage, re-identification's rest.
 
     named: joints at which an effect has been named already. What a law that is not quite the robot's leaves
     is at the same joint, and a good part of it can be imitated: a second effect there must explain more.
+    rest: what else the catalogue explains beside it.
     """
-    family = gain.candidate.family
+    gain, family = best.gain, best.candidate.family
     shares = gain.held_out / np.maximum(first.held_squares, 1e-300)
     if gain.candidate.is_event:
         return True
+    elsewhere = max((w.score for w in rest if w.candidate.family.joint != family.joint), default=0.0)
     if family.joint is not None and family.joint in named:
         large = stage.removed(gain)[family.joint] > SECOND_TORQUE * stage.ground.torque_rms[family.joint]
         left = bool(large and stage.shares(gain)[family.joint] > SECOND_LEFT)
-        return left or bool(shares[family.joint] > SECOND_SHARE)
+        prominent = best.score > SECOND_PROMINENT * elsewhere
+        return left or prominent or bool(shares[family.joint] > SECOND_SHARE)
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
-    if family.joint is not None and stage.shares(gain)[list(gain.candidate.member.rows)].max() < STANDING_OUT:
+    own = stage.shares(gain)[list(gain.candidate.member.rows)].max()
+    if family.joint is not None and own < STANDING_OUT and best.score < PROMINENT * elsewhere:
         return False
     return bool(np.any(shares > NAMED_SHARE))
 

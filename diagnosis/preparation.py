@@ -1,7 +1,7 @@
 """From logs to equations: every run filtered once, with what the given model says along it."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -83,10 +83,16 @@ class Prepared:
         """(14 n,) standard parameters of the model as given."""
         return self.robot.parameters
 
-    def with_parameters(self, parameters: Array) -> "Prepared":
-        """The same runs with the effects linearised about other standard parameters (14 n,)."""
-        runs = tuple(replace(run, logged=replace(run.logged, parameters=parameters)) for run in self.runs)
-        return replace(self, runs=runs)
+    def linearised_at(self, parameters: Array, beside: Sequence[Array]) -> "Prepared":
+        """The same runs with the effects linearised about other standard parameters (14 n,).
+
+        beside: a run's torque (N, n) N·m of effects that are known already.
+        """
+        runs = (
+            replace(run, logged=replace(run.logged, parameters=parameters, beside=known))
+            for run, known in zip(self.runs, beside, strict=True)
+        )
+        return replace(self, runs=tuple(runs))
 
 
 def filter_cutoff(sample_rate: float) -> float:

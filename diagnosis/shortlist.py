@@ -31,7 +31,12 @@ def choose(
     prepared = stage.prepared
     shortlist = [_refined(prepared, stage, w) for w in material[:SHORTLIST]]
     trials = [stage.with_effects([w.candidate]) for w in shortlist]
-    likelihoods = [log_likelihood(stage, trial) for trial in trials]
+    families = [w.candidate.family for w in shortlist]
+    # Of many shapes one is the likelier to fit by chance.
+    likelihoods = [
+        log_likelihood(*trial) - float(np.log(max(len(family.members), family.picked_from)))
+        for family, trial in zip(families, trials, strict=True)
+    ]
     first = int(np.argmax(likelihoods))
     after = Stage(stage.ground, *trials[first])
     left = after.gains(Bank(stage.ground, [w.candidate for w in shortlist]))

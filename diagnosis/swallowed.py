@@ -24,7 +24,7 @@ IMPERFECTIONS = (
 )
 # Log-likelihood from which an imperfection is worth fitting beside, that a trace must gain, and that must be
 # left of it without any one joint but its own.
-BESIDE, SMALLEST_GAIN, SMALLEST_ELSEWHERE = 4.0, 9.0, 5.0
+BESIDE, SMALLEST_GAIN, SMALLEST_ELSEWHERE = 8.0, 9.0, 5.0
 
 
 def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Weighed]]:

@@ -7,6 +7,7 @@ import numpy as np
 from diagnosis.candidates import Candidate, candidate
 from diagnosis.evidence import design, fit
 from diagnosis.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
+from diagnosis.linearisation import first_linearised
 from diagnosis.localisation import where
 from diagnosis.preparation import Prepared, prepare
 from identification.excitation.design import DesignOptions, random_excitation
@@ -46,10 +47,9 @@ def diagnosed(
     hidden: tuple[tuple[str, int | None], ...] = (),
 ) -> Diagnosis:
     """The diagnosis that names these effects, each with its family's best member."""
-    prepared = prepare(robot, recordings)
+    prepared = first_linearised(prepare(robot, recordings))
     only = design(prepared)
     only_fit = fit(prepared, only)
-    prepared = prepared.with_parameters(robot.parameters + only_fit.values[: PER_JOINT * robot.joints])
     chosen: list[Candidate] = []
     for name, joint, into in named:
         chosen.append(_best(prepared, chosen, name, joint, into))

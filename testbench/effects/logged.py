@@ -34,7 +34,8 @@ class Logged:
     low-pass behind q, dq and ddq. q, dq, ddq: (N, n) filtered at the full rate. tau: (N, n) measured
     torque at the full rate. temperature: (N, n) degC. torque_command: (N, n) N·m. reference_position,
     reference_velocity, reference_acceleration: (N, n). body_rotation (3, 3), body_origin (3,) m: the last
-    body's frame in the last link's (``body_in_link``), which the contract tells a payload in.
+    body's frame in the last link's (``body_in_link``), which the contract tells a payload in. beside: (N, n)
+    N·m, torque of effects that are known already.
     """
 
     chain: Chain
@@ -55,6 +56,7 @@ class Logged:
     reference_acceleration: Array | None = None
     body_rotation: Array = field(default_factory=lambda: np.eye(3))
     body_origin: Array = field(default_factory=lambda: np.zeros(3))
+    beside: Array | None = None
 
     @property
     def samples(self) -> int:
@@ -89,8 +91,9 @@ class Logged:
 
     @cached_property
     def residual(self) -> Array:
-        """Measured less predicted torque, (N, n) N·m: to look where an effect is, never to regress on."""
-        return self.tau - self.predicted
+        """Measured torque less predicted and known, (N, n) N·m: to look for effects, never to regress on."""
+        left = self.tau - self.predicted
+        return left if self.beside is None else left - self.beside
 
     @cached_property
     def table(self) -> Array:

@@ -71,7 +71,8 @@ class Family:
     parameters: (member, c (k,), covariance (k + s, k + s)) to the contract's parameters; the covariance
     is of the coefficients and then of the s refined shapes, in the order of ``refine``.
     refine: continuous shapes and the range they may be searched in. member: the member at any such shape.
-    swallowed: re-identification takes most of it up, so look for it in the parameters' shift.
+    swallowed: re-identification takes most of it up, so look for it in the parameters' shift. picked_from:
+    how many shapes its members were picked from by what the runs look like; 0 where they are all there is.
     """
 
     effect: str
@@ -82,6 +83,7 @@ class Family:
     member: Callable[[Mapping[str, float]], Member] | None = None
     into: int | None = None
     swallowed: bool = False
+    picked_from: int = 0
 
 
 def grid_family(

@@ -50,7 +50,8 @@ SECOND_HARMONIC = 0.3
 FULL_LOAD, UNLOADED = 0.2, 0.5
 HARMONIC, SECOND, MODULATED = range(3)
 
-LOWEST, HIGHEST = 2.0, 150.0
+# Cycles a revolution; what is slower is a spring's business.
+LOWEST, HIGHEST = 6.0, 150.0
 PEAKS = 4
 # Slower than this share of its greatest speed a joint shows no ripple, only friction's reversal.
 MOVING = 0.05
@@ -103,7 +104,9 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     members = tuple(member({"cycles": cycles}) for cycles in found)
     bounds = (max(LOWEST, found.min() - resolution), found.max() + resolution)
-    return Family(DESCRIPTION.name, joint, members, parameters, {"cycles": bounds}, member)
+    # The grid's spacing is a quarter of the resolution.
+    tried = round((HIGHEST - LOWEST) / (4 * resolution))
+    return Family(DESCRIPTION.name, joint, members, parameters, {"cycles": bounds}, member, picked_from=tried)
 
 
 def periodogram_peaks(runs: Sequence[Logged], joint: int) -> tuple[Array, float]:

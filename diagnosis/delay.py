@@ -1,0 +1,87 @@
+"""A delay of all torques, found by shifting them back: exact at any size.
+
+A column that is linear in the delay holds near the size and at the parameters it was taken at; a delay that
+makes the controller shake bends those until nothing can be told. Shifted back, torque is linear in all else.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from .evidence import DELAY, NO_TIMING, Design, Fit, Normal, design, log_prior, scaled_precision, solve
+from .ground import ground
+from .likelihood import log_of_squares
+from .preparation import Run
+
+Array = NDArray[np.float64]
+
+# Seconds.
+LONGEST, STEP, TOLERANCE = 0.03, 0.001, 1e-6
+
+
+def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
+    """The delay, s, under which the rest of a hypothesis explains most, and all unknowns (p,) there.
+
+    hypothesis: with the delay as one of its effects, or without.
+    """
+    shifted = _Shifted(hypothesis, fitted)
+    tried = np.arange(0.0, LONGEST, STEP)
+    nearest = tried[np.argmax([shifted.fit(delay)[0] for delay in tried])]
+    found = minimize_scalar(
+        lambda delay: -shifted.fit(delay)[0],
+        bounds=(max(nearest - STEP, 0.0), nearest + STEP),
+        method="bounded",
+        options={"xatol": TOLERANCE},
+    )
+    delay, values = float(found.x), shifted.fit(found.x)[1]
+    for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
+        if each.family.effect == DELAY:
+            values = np.insert(values, own.start, delay)
+    return delay, values
+
+
+class _Shifted:
+    """The hypothesis without its delay, ready to be fitted to the torques shifted back by any."""
+
+    def __init__(self, hypothesis: Design, fitted: Fit):
+        rest = [each for each in hypothesis.accepted if each.family.effect != DELAY]
+        self.hypothesis = design(hypothesis.prepared, rest)
+        self.base, self.weights = ground(hypothesis.prepared), fitted.weights
+        added = self.base.rows([self.hypothesis.added(run) for run in range(len(self.base.gap))])
+        self.x = [
+            [np.concatenate(both, axis=1) for both in zip(x, z, strict=True)]
+            for x, z in zip(self.base.x, added, strict=True)
+        ]
+        self.xx = Normal(self.hypothesis).xx.sum(axis=0)
+        precision = scaled_precision(self.hypothesis, fitted.prior_scale)
+        # A delay that is an effect leaves none to the way the log was taken.
+        precision[self.base.parameters - 1] = NO_TIMING**-2
+        self.matrix = np.einsum("j,jab->ab", self.weights, self.xx) + np.diag(precision)
+        free = np.full(self.base.parameters, np.inf)
+        self.lower = np.concatenate([-free, *(each.member.lower for each in rest)])
+        self.upper = np.concatenate([free, *(each.member.upper for each in rest)])
+
+    def fit(self, delay: float) -> tuple[float, Array]:
+        """Log-likelihood up to a constant, and the unknowns (p,)."""
+        base, joints = self.base, range(self.base.joints)
+        runs = base.prepared.runs
+        gap = [left + _moved(run, delay) for run, left in zip(runs, base.gap, strict=True)]
+        y = base.rows(gap)
+        xy = [sum(x[j].T @ own[j] for x, own in zip(self.x, y, strict=True)) for j in joints]
+        values = solve(self.matrix, self.weights @ np.array(xy), self.lower, self.upper)
+        squares = np.array(
+            [
+                sum(float(np.sum((own[j] - x[j] @ values) ** 2)) for x, own in zip(self.x, y, strict=True))
+                for j in joints
+            ]
+        )
+        counts = np.array([sum(len(own[j]) for own in y) for j in joints])
+        return log_of_squares(counts, squares) + float(log_prior(self.hypothesis, values)), values
+
+
+def _moved(run: Run, delay: float) -> Array:
+    """What shifting back adds to a run's filtered torque, (M, n) N·m; the first sample is held."""
+    instants = np.arange(run.logged.samples)
+    before = instants - delay * run.logged.sample_rate
+    torque = np.column_stack([np.interp(before, instants, each) for each in run.logged.tau.T])
+    return run.filtered(torque - run.logged.tau)

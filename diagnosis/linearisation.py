@@ -1,0 +1,87 @@
+"""Where effects are linearised: at the loads and derivatives of the parameters fitted so far."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.parameters import INERTIAL, PER_JOINT
+from testbench.effects import effects
+
+from .candidates import Candidate, candidate
+from .delay import likeliest_delay
+from .evidence import DELAY, Design, Fit, fitted_to
+from .ground import ground
+from .preparation import Prepared
+from .prior import TIMING
+
+Array = NDArray[np.float64]
+
+# Its columns are the last link's.
+PAYLOAD = "payload"
+# Beside these the runs are linearised anew: they move the parameters that columns are taken at, or their own
+# columns hold near what was fitted only.
+RELINEARISED = (
+    "encoder_offset",
+    "encoder_eccentricity",
+    PAYLOAD,
+    "base_tilt",
+    "torque_gain_error",
+    DELAY,
+    "thermal_friction_drift",
+)
+# Timing errors from which on a delay may have bent all parameters, in the prior's deviations.
+LATE = 3.0
+
+
+def first_linearised(prepared: Prepared) -> Prepared:
+    """The runs linearised at their re-identification: beside a delay, where it comes out that late."""
+    hypothesis, fitted = fitted_to(prepared, [])
+    values = fitted.values
+    if abs(values[ground(prepared).parameters - 1]) > LATE * TIMING:
+        _, values = likeliest_delay(hypothesis, fitted)
+    return _linearised(hypothesis, values, ())[0]
+
+
+def linearised_anew(hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
+    """The hypothesis with the runs linearised at what was fitted, a delay at its own size; and its fit."""
+    values, shapes = fitted.values, [each.member.shape for each in hypothesis.accepted]
+    for place, each in enumerate(hypothesis.accepted):
+        if each.family.effect == DELAY:
+            delay, values = likeliest_delay(hypothesis, fitted)
+            shapes[place] = {"difference": delay}
+    return fitted_to(*_linearised(hypothesis, values, shapes))
+
+
+def _linearised(
+    hypothesis: Design, values: Array, shapes: Sequence[Mapping[str, float]]
+) -> tuple[Prepared, list[Candidate]]:
+    """The runs with loads and derivatives taken at a hypothesis's unknowns (p,), and its effects there.
+
+    A payload is part of the load. shapes: of the effects.
+    """
+    prepared = hypothesis.prepared
+    parameters = prepared.nominal + values[: PER_JOINT * prepared.joints]
+    for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
+        if each.family.effect == PAYLOAD:
+            parameters[PER_JOINT * (prepared.joints - 1) :][:INERTIAL] += values[own]
+    beside = [np.zeros_like(run.logged.tau) for run in prepared.runs]
+    there = prepared.linearised_at(parameters, beside)
+    accepted = [_again(there, *each) for each in zip(hypothesis.accepted, shapes, strict=True)]
+    for each, own in zip(accepted, hypothesis.parts, strict=True):
+        if each.family.effect != PAYLOAD:
+            for torque, columns in zip(beside, each.member.columns, strict=True):
+                torque[:, list(each.member.rows)] += columns @ values[own]
+    return prepared.linearised_at(parameters, beside), accepted
+
+
+def _again(prepared: Prepared, old: Candidate, shape: Mapping[str, float]) -> Candidate:
+    """The same effect recomputed after the runs were linearised anew. shape: of the member."""
+    if old.is_event:
+        # A push's columns are of the motion alone.
+        return old
+    logged = [run.logged for run in prepared.runs]
+    family = effects()[old.family.effect].signature(logged, old.family.joint, old.family.into)
+    if family.member is None or not shape:
+        return candidate(prepared, family, family.members[0])
+    return candidate(prepared, family, family.member(shape))

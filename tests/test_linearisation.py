@@ -1,0 +1,69 @@
+"""Where effects are linearised: at the size of a delay, with a payload as part of the load."""
+
+import numpy as np
+import pytest
+
+from diagnosis.candidates import candidates
+from diagnosis.delay import likeliest_delay
+from diagnosis.evidence import fitted_to
+from diagnosis.linearisation import first_linearised, linearised_anew
+from diagnosis.preparation import prepare
+from testbench.effects import parse_injection
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+LAST = 1
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return small_arm(tmp_path_factory.mktemp("arm"))
+
+
+def _runs(arm, text):
+    return simulated_runs(arm, [parse_injection(arm, text)], runs=3, seed=3)
+
+
+@pytest.mark.parametrize("delay", [0.008, 0.016, 0.025])
+def test_a_delay_is_found_whether_or_not_the_controller_shakes(arm, delay):
+    prepared = prepare(arm, _runs(arm, f"torque_delay::delay={delay}"))
+    found, _ = likeliest_delay(*fitted_to(prepared, []))
+    # A fifth of a sample: position and torque are sampled that much apart already.
+    assert found == pytest.approx(delay, abs=0.2 / prepared.runs[0].logged.sample_rate)
+
+
+@pytest.mark.parametrize("delay", [0.008, 0.016, 0.025])
+def test_the_column_of_a_delay_is_settled_at_its_own_size(arm, delay):
+    prepared = first_linearised(prepare(arm, _runs(arm, f"torque_delay::delay={delay}")))
+    nearest = min(
+        candidates(prepared, only=["torque_delay"]),
+        key=lambda each: abs(each.member.shape["difference"] - delay),
+    )
+    hypothesis, fitted = linearised_anew(*fitted_to(prepared, [nearest]))
+    assert fitted.values[-1] == pytest.approx(hypothesis.accepted[0].member.shape["difference"], rel=0.02)
+    assert fitted.values[-1] == pytest.approx(delay, rel=0.02)
+
+
+def test_a_payload_loads_the_gearboxes(arm):
+    text = "payload::mass=0.6,first_moment_x=0.06,first_moment_y=0,first_moment_z=0"
+    prepared = first_linearised(prepare(arm, _runs(arm, text)))
+    hypothesis, fitted = linearised_anew(*fitted_to(prepared, candidates(prepared, only=["payload"])))
+    mass = fitted.values[hypothesis.parts[0]][9]
+    assert mass > 0.2
+    # What the model says of the torque has the payload, whichever share of it the link itself has taken up.
+    for run in hypothesis.prepared.runs:
+        assert np.std(run.logged.residual[:, 0]) < 0.1 * np.std(run.logged.tau[:, 0])
+    by_hand = hypothesis.prepared.nominal + fitted.values[: len(hypothesis.prepared.nominal)]
+    assert hypothesis.prepared.runs[0].logged.table[LAST, 9] > by_hand.reshape(arm.joints, -1)[LAST, 9] + 0.1
+
+
+def test_what_is_known_is_not_looked_for_again(arm):
+    prepared = first_linearised(prepare(arm, _runs(arm, "transmission_ripple:elbow:amplitude=0.8,cycles=12")))
+    ripple = max(
+        candidates(prepared, only=["transmission_ripple"]),
+        key=lambda each: np.max(np.abs(fitted_to(prepared, [each])[1].values[-2:])),
+    )
+    hypothesis, _ = linearised_anew(*fitted_to(prepared, [ripple]))
+    before, after = (np.std(p.runs[0].logged.residual[:, LAST]) for p in (prepared, hypothesis.prepared))
+    assert after < 0.6 * before
