@@ -9,7 +9,7 @@ from testbench.log import Recording
 from testbench.robot import Robot, load_robot
 from testbench.simulation import sample_reference
 
-ARM = """
+TURN_AND_LIFT = """
 <mujoco model="arm"><worldbody>
   <body pos="0 0 0.3"><inertial pos="0 0.05 0.1" mass="6" diaginertia="0.1 0.1 0.08"/>
     <joint name="turn" axis="0 0 1" armature="0.3" damping="4" frictionloss="3" actuatorfrcrange="-120 120"/>
@@ -17,6 +17,8 @@ ARM = """
       <joint name="lift" axis="0 1 0" armature="0.2" damping="3" frictionloss="2"
              actuatorfrcrange="-120 120"/>
       <body pos="0.4 0 0"><inertial pos="0.15 0 0.02" mass="2" diaginertia="0.01 0.03 0.03"/>
+"""
+ARM = f"""{TURN_AND_LIFT}
         <joint name="reach" type="slide" axis="1 0 0" armature="1" damping="20" frictionloss="9"
                actuatorfrcrange="-200 200"/>
       </body></body></body></worldbody>

@@ -6,16 +6,9 @@ from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.simulation import Reference, SimulationOptions, sample_reference, simulate
 
-from .simulated_arm import Sines
+from .simulated_arm import TURN_AND_LIFT, Sines
 
-ARM = """
-<mujoco model="arm"><worldbody>
-  <body pos="0 0 0.3"><inertial pos="0 0.05 0.1" mass="6" diaginertia="0.1 0.1 0.08"/>
-    <joint name="turn" axis="0 0 1" armature="0.3" damping="4" frictionloss="3" actuatorfrcrange="-120 120"/>
-    <body pos="0.1 0 0.2"><inertial pos="0.2 0 0" mass="4" diaginertia="0.02 0.09 0.09"/>
-      <joint name="lift" axis="0 1 0" armature="0.2" damping="3" frictionloss="2"
-           actuatorfrcrange="-120 120"/>
-      <body pos="0.4 0 0"><inertial pos="0.15 0 0.02" mass="2" diaginertia="0.01 0.03 0.03"/>
+ARM = f"""{TURN_AND_LIFT}
         <joint name="bend" axis="0 1 0" armature="0.1" damping="1" frictionloss="1"
              actuatorfrcrange="-60 60"/>
       </body></body></body></worldbody>

@@ -5,15 +5,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
-from identification.excitation.fourier import FourierSeries
 from testbench.effects import effect
 from testbench.effects.action import BUS_ROWS, COMMAND, DRIVE, STEP, TIMESTEP, SimulatedRobot
 from testbench.effects.base import Injection
 from testbench.effects.logged import Logged
-from testbench.log import Recording
 from testbench.robot import Robot, load_robot
 
-from .moving_tx90 import RATE, STEP_SIZE, exact_run, explained, fast_motion, fitted, recorded, rms, torque
+from .moving_tx90 import RATE, STEP_SIZE, explained, fitted, rms, torque
 
 INJECTED = {
     "gain": ("torque_gain_error", 2, {"relative": 0.08}, None),
@@ -22,26 +20,6 @@ INJECTED = {
     "second_order_lag": ("actuator_lag", 2, {"time_constant": 0.006}, "second_order"),
     "clip": ("torque_saturation", 2, {"limit": 150.0}, "clip"),
 }
-
-
-@pytest.fixture(scope="module")
-def arm(models):
-    return load_robot(models / "tx90.xml")
-
-
-@pytest.fixture(scope="module")
-def motion() -> FourierSeries:
-    return fast_motion()
-
-
-@pytest.fixture(scope="module")
-def recordings(arm, motion) -> dict[str, Recording]:
-    return recorded(arm, motion, INJECTED)
-
-
-@pytest.fixture(scope="module")
-def exact(arm, motion) -> Logged:
-    return exact_run(arm, motion)
 
 
 def driven(arm: Robot, name: str, joint: int, values: dict[str, float], law: str, command: np.ndarray):

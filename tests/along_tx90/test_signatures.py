@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from testbench.effects import effect
-from testbench.effects.logged import Logged
 from testbench.effects.signature import amplitude_and_phase
-from testbench.robot import load_robot
-
-from .moving_tx90 import exact_run, fast_motion
 
 NAMES = (
     "torque_gain_error",
@@ -23,16 +19,6 @@ NAMES = (
     "base_tilt",
     "external_contact",
 )
-
-
-@pytest.fixture(scope="module")
-def arm(models):
-    return load_robot(models / "tx90.xml")
-
-
-@pytest.fixture(scope="module")
-def exact(arm) -> Logged:
-    return exact_run(arm, fast_motion())
 
 
 def test_every_signature_fits_its_runs_and_two_of_them_together(exact):

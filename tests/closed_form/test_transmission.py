@@ -11,7 +11,7 @@ from testbench.effects.signature import Logged
 from testbench.effects.transmission_ripple import periodogram_peaks
 from testbench.robot import Robot
 
-from .closed_form_arm import (
+from ..closed_form_arm import (
     DDQ,
     DQ,
     FINE,
@@ -21,30 +21,11 @@ from .closed_form_arm import (
     J,
     K,
     Q,
-    base_space,
-    closed_form_run,
     link_side,
     on_joint,
     single,
     unexplained,
 )
-from .simulated_arm import robot_from
-from .simulated_effects import ARM
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return robot_from(ARM, tmp_path_factory.mktemp("arm"))
-
-
-@pytest.fixture(scope="module")
-def logged(arm: Robot) -> Logged:
-    return closed_form_run(arm)
-
-
-@pytest.fixture(scope="module")
-def base(arm: Robot) -> np.ndarray:
-    return base_space(arm)
 
 
 def elastic_torque(arm: Robot, stiffness: float, damping: float) -> np.ndarray:

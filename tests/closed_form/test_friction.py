@@ -7,7 +7,7 @@ from testbench.effects import effects
 from testbench.effects.signature import Logged
 from testbench.robot import Robot
 
-from .closed_form_arm import (
+from ..closed_form_arm import (
     DQ,
     FINE,
     FINE_STEP,
@@ -15,30 +15,11 @@ from .closed_form_arm import (
     RATE,
     TIME,
     J,
-    base_space,
-    closed_form_run,
     link_side,
     on_joint,
     single,
     unexplained,
 )
-from .simulated_arm import robot_from
-from .simulated_effects import ARM
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return robot_from(ARM, tmp_path_factory.mktemp("arm"))
-
-
-@pytest.fixture(scope="module")
-def logged(arm: Robot) -> Logged:
-    return closed_form_run(arm)
-
-
-@pytest.fixture(scope="module")
-def base(arm: Robot) -> np.ndarray:
-    return base_space(arm)
 
 
 def test_stribeck_is_explained(arm: Robot, base: np.ndarray, logged: Logged) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from identification.chain import chain_from_model
-from identification.excitation.fourier import FourierSeries
 from identification.inverse_dynamics import inverse_dynamics
 from testbench.effects import effect
 from testbench.effects.base import Injection
@@ -17,7 +16,7 @@ from testbench.effects.logged import Logged, body_in_link, logged_run
 from testbench.log import Recording
 from testbench.robot import Robot, load_robot
 
-from .moving_tx90 import RATE, exact_run, explained, fast_motion, fitted, recorded, rms
+from .moving_tx90 import RATE, explained, fitted, rms
 
 INJECTED = {
     "healthy": (),
@@ -31,26 +30,6 @@ INJECTED = {
         "sphere",
     ),
 }
-
-
-@pytest.fixture(scope="module")
-def arm(models):
-    return load_robot(models / "tx90.xml")
-
-
-@pytest.fixture(scope="module")
-def motion() -> FourierSeries:
-    return fast_motion()
-
-
-@pytest.fixture(scope="module")
-def recordings(arm, motion) -> dict[str, Recording]:
-    return recorded(arm, motion, INJECTED)
-
-
-@pytest.fixture(scope="module")
-def exact(arm, motion) -> Logged:
-    return exact_run(arm, motion)
 
 
 # In closed loop

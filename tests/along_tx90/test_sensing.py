@@ -7,37 +7,15 @@ from identification.errors import InputError
 from identification.excitation.fourier import FourierSeries
 from testbench.effects import effect, injection
 from testbench.effects.base import Injection
-from testbench.effects.logged import Logged
-from testbench.log import Recording
 from testbench.robot import Robot, load_robot
 from testbench.simulation import SimulationOptions, sample_reference, simulate
 
-from .moving_tx90 import RATE, exact_run, explained, fast_motion, fitted, recorded, torque
+from .moving_tx90 import RATE, explained, fitted, torque
 
 INJECTED = {
     "offset": ("encoder_offset", 3, {"offset": 0.02}, None),
     "eccentricity": ("encoder_eccentricity", 4, {"amplitude": 0.01, "phase": 0.7}, None),
 }
-
-
-@pytest.fixture(scope="module")
-def arm(models):
-    return load_robot(models / "tx90.xml")
-
-
-@pytest.fixture(scope="module")
-def motion() -> FourierSeries:
-    return fast_motion()
-
-
-@pytest.fixture(scope="module")
-def recordings(arm, motion) -> dict[str, Recording]:
-    return recorded(arm, motion, INJECTED)
-
-
-@pytest.fixture(scope="module")
-def exact(arm, motion) -> Logged:
-    return exact_run(arm, motion)
 
 
 # In closed loop
