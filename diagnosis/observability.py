@@ -9,15 +9,18 @@ from testbench.effects import effect
 from testbench.effects.size import typical_range
 from testbench.robot import Robot
 
+from .candidates import Candidate
 from .likelihood import Weighed
 from .materiality import SIZES, size
+from .round import SMALLEST_WALD
 
 Array = NDArray[np.float64]
 
-# Squared signal over noise that it takes to tell an effect from none, and how straight a size must be in the
-# coefficients for a severe one to be known from a small one.
-DETECTABLE = 15.0
-STRAIGHT = 1e-6
+# Squared signal over noise that a name takes, and how straight a size must be in the coefficients, up to a
+# severe one, for it to be known from a small one.
+DETECTABLE = SMALLEST_WALD
+STRAIGHT = 0.2
+INVERSIONS = 20
 
 
 def not_observable(
@@ -26,24 +29,35 @@ def not_observable(
     """(effect, joint) of what is below the noise of these runs at the severe end of its typical range.
 
     weighed: the best member of every family that was not taken in, at the last stage. torque_scale: (n,)
-    N·m. Only effects whose size is proportional to their coefficients are judged: of the others a small one
-    says nothing about a severe one.
+    N·m. Only effects whose size goes with their coefficients are judged: of the others a small one says
+    nothing about a severe one.
     """
     found = []
     for each in weighed:
-        family, gain = each.candidate.family, each.gain
-        unit = np.clip(
-            np.ones(each.candidate.count), each.candidate.member.lower, each.candidate.member.upper
-        )
-        once, twice = (size(robot, torque_scale, each.candidate, factor * unit) for factor in (1.0, 2.0))
-        if not (np.isfinite(once) and once > 0 and abs(twice - 2 * once) < STRAIGHT * once):
-            continue
-        name = SIZES.get(family.effect, (effect(family.effect).DESCRIPTION.parameters[0].name,))[0]
-        parameters = {p.name: p for p in effect(family.effect).DESCRIPTION.parameters}
-        mild, severe = typical_range(parameters[name], robot, family.joint)
-        if not 0 < mild < severe:
-            continue
-        coefficients = severe / mild / once * unit
-        if float(coefficients @ gain.information @ coefficients) < DETECTABLE:
-            found.append((family.effect, family.joint))
+        coefficients = _severe(robot, torque_scale, each.candidate)
+        if coefficients is not None and coefficients @ each.gain.information @ coefficients < DETECTABLE:
+            found.append((each.candidate.family.effect, each.candidate.family.joint))
     return tuple(found)
+
+
+def _severe(robot: Robot, torque_scale: Array, candidate: Candidate) -> Array | None:
+    """Coefficients (k,) of the effect at the severe end; None where a size does not go with them."""
+    family, member = candidate.family, candidate.member
+    known = {p.name: p for p in effect(family.effect).DESCRIPTION.parameters}
+    name = SIZES.get(family.effect, (next(iter(known)),))[0]
+    mild, severe = typical_range(known[name], robot, family.joint)
+    if not 0 < mild < severe:
+        return None
+    unit = np.clip(np.ones(candidate.count), member.lower, member.upper)
+
+    def sized(factor: float) -> float:
+        return size(robot, torque_scale, candidate, factor * unit) * mild / severe
+
+    factor = 1.0
+    for _ in range(INVERSIONS):
+        reached = sized(factor)
+        if not (np.isfinite(reached) and reached > 0):
+            return None
+        factor /= reached
+    straight = abs(sized(factor) - 1) < STRAIGHT and abs(sized(factor / 2) - 0.5) < STRAIGHT / 2
+    return factor * unit if straight else None

@@ -68,6 +68,14 @@ def test_what_stands_out_against_all_other_joints_is_named_in_noise(arm):
     assert [(e.effect, e.joint) for e in found.effects] == [("load_dependent_friction", 0)]
 
 
+def test_a_gain_error_that_noise_hides_is_said_not_to_show(arm):
+    gain = "torque_gain_error:elbow:relative=0.15"
+    hidden, seen = _diagnosis(arm, gain, noise=0.05), _diagnosis(arm, gain)
+    assert hidden.effects == ()
+    assert ("torque_gain_error", 1) in hidden.not_observable
+    assert [(e.effect, e.joint) for e in seen.effects] == [("torque_gain_error", 1)]
+
+
 def test_a_law_is_refined_from_the_end_of_its_range(arm):
     first = _diagnosis(arm, "stribeck_friction:shoulder:extra=1.2,velocity=0.45,exponent=2").effects[0]
     assert (first.effect, first.joint) == ("stribeck_friction", 0)
