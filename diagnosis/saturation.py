@@ -28,8 +28,9 @@ Array = NDArray[np.float64]
 # Shares of the samples that may lie beyond the limit, and how many it takes after decimation.
 CLIPPED = (0.002, 0.005, 0.01, 0.02, 0.035, 0.055, 0.08, 0.12, 0.17, 0.23, 0.3)
 FEWEST = 5
-# A controller that has run away asks for all it may ask for this share of the time: then so much of that.
-HELD, AT_PEAK = 0.02, 0.99
+# A controller that has run away asks for all it may ask for this share of the time: then so much of that. In
+# a report with noise it is a quantile that tells.
+HELD, AT_PEAK, PEAK = 0.02, 0.97, 0.998
 OF_PEAK = np.geomspace(0.9, 0.02, 16)
 # The filter smears what is cut off over so many cut-off periods to either side.
 REACH_PERIODS = 0.5
@@ -82,9 +83,9 @@ def cuts(prepared: Prepared) -> list[list[Cut]]:
         if not family.members:
             return []
         asked = np.concatenate([np.abs(torque) for torque in asked_torque(prepared, joint)])
-        limits, peak = np.quantile(asked, 1 - np.array(CLIPPED)), asked.max()
-        if np.mean(asked > AT_PEAK * peak) > HELD:
-            limits = np.append(limits, peak * OF_PEAK)
+        limits = np.quantile(asked, 1 - np.array(CLIPPED))
+        if np.mean(asked > AT_PEAK * np.quantile(asked, PEAK)) > HELD:
+            limits = np.append(limits, asked.max() * OF_PEAK)
         return [_cut(prepared, family, limit) for limit in np.unique(limits)[::-1].tolist()]
 
     with ThreadPoolExecutor() as pool:

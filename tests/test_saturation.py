@@ -1,11 +1,14 @@
 """Limits of drives and pushes: what makes a torque large without the motion showing it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from diagnosis.attribution import attribute
 from diagnosis.materiality import quantities
 from diagnosis.preparation import prepare
+from diagnosis.saturation import cuts
 from testbench.effects import parse_injection
 from tests.diagnosed import simulated_runs
 from tests.small_arm import small_arm
@@ -37,6 +40,20 @@ def test_a_limit_is_found_however_much_more_is_asked_for(arm, share, law, tolera
     found = quantities(first.candidate, np.ones(1))["limit"].value
     # A soft limit gives 92 % of itself where that is asked for.
     assert found == pytest.approx(limit, rel=tolerance)
+
+
+def test_low_limits_are_tried_where_a_noisy_report_stays_at_its_peak(arm):
+    rng, runs = np.random.default_rng(0), {}
+    for name, run in simulated_runs(arm, [], runs=2).items():
+        torque = run.torque.copy()
+        held = run.time < 0.2 * run.time[-1]
+        torque[held, 1] = rng.normal(30.0, 0.3, int(held.sum()))
+        runs[name] = replace(run, torque=torque, torque_command=None)
+    lowest = [min(each.limit for each in of_joint) for of_joint in cuts(prepare(arm, runs))]
+    asked = [np.abs(np.concatenate([run.torque[:, joint] for run in runs.values()])) for joint in (0, 1)]
+    assert lowest[1] < 0.05 * asked[1].max()
+    # Of a motor that is never at its peak for long only the largest torques are tried.
+    assert lowest[0] == pytest.approx(np.quantile(asked[0], 0.7), rel=0.05)
 
 
 def test_a_push_is_no_limit(arm):
