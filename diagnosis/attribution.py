@@ -21,7 +21,7 @@ from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
 from .linearisation import RELINEARISED, first_linearised, linearised_anew
-from .materiality import is_beyond_healthy, is_main, is_material, with_friction
+from .materiality import is_beyond_healthy, is_large_friction, is_main, is_material, with_friction
 from .observability import not_observable
 from .preparation import Prepared
 from .round import Found, Search
@@ -91,7 +91,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
         if found.is_trace:
             # It was sought last; beside it, any other trace is a rest of it.
             break
-    accepted, hypothesis, fitted = _pruned(base, accepted, hypothesis, fitted)
+    accepted, hypothesis, fitted = _pruned(base, sized, accepted, hypothesis, fitted)
     last = stage if hypothesis is stage.hypothesis else Stage(base, hypothesis, fitted)
     unknown = (*unclaimed(original, last, free), *laws_of_position(original, last, accepted))
     taken = {item.candidate.place for item in accepted}
@@ -124,6 +124,8 @@ def _accepted(
     beyond = all(is_beyond_healthy(sized, torque_rms, *each) for each in sizes)
     # What a push leaves is where it was.
     somewhere = {a.candidate.family.joint for a in before if a.named and not a.candidate.is_event}
+    main = is_main(apart, stage, best, somewhere, rest)
+    main |= best.candidate.family.joint not in somewhere and is_large_friction(sized, stage, best)
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(
         candidate=best.candidate,
@@ -131,13 +133,13 @@ def _accepted(
         rivals=found.rivals,
         share=float(stage.shares(best.gain).max()),
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
-        named=beyond and is_main(apart, stage, best, somewhere, rest) and found.is_certain(stage),
+        named=beyond and main and found.is_certain(stage),
         is_trace=found.is_trace,
     )
 
 
 def _pruned(
-    base: Ground, accepted: list[Accepted], hypothesis: Design, fitted: Fit
+    base: Ground, sized: Robot, accepted: list[Accepted], hypothesis: Design, fitted: Fit
 ) -> tuple[list[Accepted], Design, Fit]:
     """Take out, one by one, what is no longer material beside the others."""
     while len(accepted) > 1:
@@ -158,8 +160,15 @@ def _pruned(
                 )
             kept = item.candidate.is_event or item.is_trace
             # What was best when it was taken in is judged as such.
-            keeps = kept or (gain is not None and is_material(stage, gain, is_best=True))
-            worth.append((keeps, 0.0 if gain is None else gained(stage, gain)))
+            score = 0.0 if gain is None else gained(stage, gain)
+            keeps = kept or (
+                gain is not None
+                and (
+                    is_material(stage, gain, is_best=True)
+                    or is_large_friction(sized, stage, Weighed(gain, score))
+                )
+            )
+            worth.append((keeps, score))
         weakest = min(range(len(worth)), key=lambda k: (worth[k][0], worth[k][1]))
         if worth[weakest][0]:
             break

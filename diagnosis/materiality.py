@@ -42,6 +42,12 @@ SECOND_LEFT, SECOND_TORQUE, SECOND_PROMINENT = 0.5, 0.02, 8.0
 # And the share of what is left there when it is taken in, or that multiple of log-likelihood: imperfections
 # that are no smaller would not let it be told from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
+# Wald's statistic of what is named: five standard deviations.
+SMALLEST_WALD = 25.0
+# Friction that its joint's own Coulomb and viscous parameters swallow leaves little, however large it is: the
+# size tells, where so many standard deviations less of it are still beyond a healthy robot's.
+SWALLOWED_FRICTION = ("load_dependent_friction", "nonlinear_viscous_friction")
+SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
@@ -103,6 +109,20 @@ def is_material(stage: Stage, gain: Gain, is_best: bool = False) -> bool:
     if is_best and family.swallowed and gain.overlap > HIDDEN_OVERLAP:
         return bool(np.any(enough))
     return bool(np.any(enough[list(gain.candidate.member.rows)]))
+
+
+def is_large_friction(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
+    """Whether it is friction that parameters swallow, and is certainly larger than a healthy robot's."""
+    family, gain = weighed.candidate.family, weighed.gain
+    if family.effect not in SWALLOWED_FRICTION or weighed.score < SMALLEST_GAIN:
+        return False
+    wald = float(gain.coefficients @ gain.information @ gain.coefficients)
+    own = list(gain.candidate.member.rows)
+    seen = stage.removed(gain)[own] > SMALLEST_TORQUE * stage.ground.torque_rms[own]
+    if wald < SMALLEST_WALD or not np.any(seen):
+        return False
+    least = (1 - BEYOND / np.sqrt(wald)) * gain.coefficients
+    return is_beyond_healthy(robot, stage.ground.torque_rms, weighed.candidate, least)
 
 
 def is_main(

@@ -11,8 +11,7 @@ from testbench.robot import Robot
 
 from .candidates import Candidate
 from .likelihood import Weighed
-from .materiality import SIZES, size
-from .round import SMALLEST_WALD
+from .materiality import SIZES, SMALLEST_WALD, size
 
 Array = NDArray[np.float64]
 

@@ -11,16 +11,16 @@ from .candidates import EVENT, SATURATION
 from .contact import contact
 from .evidence import Design, Fit
 from .likelihood import Weighed, weigh
-from .materiality import is_beyond_healthy, is_material, is_plausible
+from .materiality import SMALLEST_WALD, is_beyond_healthy, is_large_friction, is_material, is_plausible
 from .saturation import Cut, saturation
 from .shortlist import choose
 from .swallowed import swallowed
 from .unclaimed import unclaimed
 from .weighing import Bank, Stage
 
-# Wald's statistic of what is named: five standard deviations. A trace may have four, with this share of some
-# joint's rest: what misfit leaves rarely has.
-SMALLEST_WALD, TRACE_WALD, SMALLEST_TRACE = 25.0, 16.0, 0.025
+# A trace has a name from four standard deviations, with this share of some joint's rest: what misfit leaves
+# rarely has.
+TRACE_WALD, SMALLEST_TRACE = 16.0, 0.025
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,11 @@ class Search:
 
         weighed: of ``open``. free: candidates of generic.py.
         """
-        material = [w for place, w in enumerate(weighed) if is_material(stage, w.gain, place == 0)]
+        material = [
+            w
+            for place, w in enumerate(weighed)
+            if is_material(stage, w.gain, place == 0) or is_large_friction(self.sized, stage, w)
+        ]
         if SATURATION not in self.without:
             clipped = saturation(stage, free, self.limits)
             if clipped is not None and clipped.score > max((w.score for w in material), default=0.0):
