@@ -8,7 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from .evidence import DELAY, NO_TIMING, Design, Fit, Normal, design, log_prior, scaled_precision, solve
+from testbench.effects import effects
+
+from .evidence import (
+    DELAY,
+    NO_TIMING,
+    Design,
+    Fit,
+    Normal,
+    bounds,
+    design,
+    log_prior,
+    scaled_precision,
+    solve,
+)
 from .ground import ground
 from .likelihood import log_of_squares
 from .preparation import Run
@@ -16,7 +29,7 @@ from .preparation import Run
 Array = NDArray[np.float64]
 
 # Seconds.
-LONGEST, STEP, TOLERANCE = 0.03, 0.001, 1e-6
+STEP, TOLERANCE = 0.001, 1e-6
 
 
 def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
@@ -25,11 +38,11 @@ def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
     hypothesis: with the delay as one of its effects, or without.
     """
     shifted = _Shifted(hypothesis, fitted)
-    tried = np.arange(0.0, LONGEST, STEP)
+    tried = np.arange(0.0, effects()[DELAY].DESCRIPTION.parameters[0].upper, STEP)
     nearest = tried[np.argmax([shifted.fit(delay)[0] for delay in tried])]
     found = minimize_scalar(
         lambda delay: -shifted.fit(delay)[0],
-        bounds=(max(nearest - STEP, 0.0), nearest + STEP),
+        bounds=(max(nearest - STEP, TOLERANCE), nearest + STEP),
         method="bounded",
         options={"xatol": TOLERANCE},
     )
@@ -52,14 +65,12 @@ class _Shifted:
             [np.concatenate(both, axis=1) for both in zip(x, z, strict=True)]
             for x, z in zip(self.base.x, added, strict=True)
         ]
-        self.xx = Normal(self.hypothesis).xx.sum(axis=0)
         precision = scaled_precision(self.hypothesis, fitted.prior_scale)
         # A delay that is an effect leaves none to the way the log was taken.
         precision[self.base.parameters - 1] = NO_TIMING**-2
-        self.matrix = np.einsum("j,jab->ab", self.weights, self.xx) + np.diag(precision)
-        free = np.full(self.base.parameters, np.inf)
-        self.lower = np.concatenate([-free, *(each.member.lower for each in rest)])
-        self.upper = np.concatenate([free, *(each.member.upper for each in rest)])
+        products = Normal(self.hypothesis).weighted(self.weights)[0].sum(axis=0)
+        self.matrix = products + np.diag(precision)
+        self.lower, self.upper = bounds(self.hypothesis)
 
     def fit(self, delay: float) -> tuple[float, Array]:
         """Log-likelihood up to a constant, and the unknowns (p,)."""

@@ -154,7 +154,7 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
 def fit(prepared: Prepared, hypothesis: Design) -> Fit:
     """Weights, prior scale and values estimated in turn; then every fold predicted from the others."""
     normal = Normal(hypothesis)
-    lower, upper = _bounds(hypothesis)
+    lower, upper = bounds(hypothesis)
     weights = 1 / np.maximum(np.var(np.concatenate(hypothesis.gap), axis=0), 1e-30)
     prior_scale = 1.0
     count = determined(prepared)
@@ -229,7 +229,8 @@ def scaled_precision(hypothesis: Design, scale: float) -> Array:
     return scaled
 
 
-def _bounds(hypothesis: Design) -> tuple[Array, Array]:
+def bounds(hypothesis: Design) -> tuple[Array, Array]:
+    """What the unknowns may be, two of (p,): standard parameters anything."""
     unbounded = np.full(hypothesis.parameters, np.inf)
     lower = np.concatenate([-unbounded, *(c.member.lower for c in hypothesis.accepted)])
     upper = np.concatenate([unbounded, *(c.member.upper for c in hypothesis.accepted)])
