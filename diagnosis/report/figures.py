@@ -53,20 +53,13 @@ def waterfall(diagnosis: Diagnosis) -> go.Figure:
         float(np.sum(v)) for v in (gap.nominal, gap.parameters, gap.effects, gap.noise_floor)
     )
     unit = torque_unit(diagnosis.robot)
+    steps = ["model as given", "re-identified", "effects added", "left", "of it noise"]
+    heights = [nominal, parameters - nominal, effects - parameters, effects, floor]
     figure = go.Figure(
         go.Waterfall(
-            x=["model as given", "re-identified", "effects added", "left", "of it noise"],
+            x=steps,
             measure=["absolute", "relative", "relative", "total", "absolute"],
-            y=[nominal, parameters - nominal, effects - parameters, effects, floor],
-            text=[
-                f"{nominal:.3g}",
-                f"{parameters - nominal:+.3g}",
-                f"{effects - parameters:+.3g}",
-                f"{effects:.3g}",
-                f"{floor:.3g}",
-            ],
-            textposition="outside",
-            cliponaxis=False,
+            y=heights,
             increasing_marker_color=RESIDUAL,
             decreasing_marker_color=FLOOR,
             totals_marker_color=EFFECTS,
@@ -74,7 +67,17 @@ def waterfall(diagnosis: Diagnosis) -> go.Figure:
         ),
         layout={"template": TEMPLATE, "height": 330, "showlegend": False},
     )
-    figure.update_yaxes(title=f"RMS torque error, sum over joints, {unit}", rangemode="tozero")
+    # Above every bar: below one that ends near zero the axis has its own labels.
+    figure.add_scatter(
+        x=steps,
+        y=[nominal, max(nominal, parameters), max(parameters, effects), effects, floor],
+        text=[f"{height:+.3g}" if 0 < place < 3 else f"{height:.3g}" for place, height in enumerate(heights)],
+        mode="text",
+        textposition="top center",
+        cliponaxis=False,
+        hoverinfo="skip",
+    )
+    figure.update_yaxes(title=f"joints summed, {unit}", rangemode="tozero")
     return figure
 
 
