@@ -66,7 +66,7 @@ def _in_place_of(diagnosis: Diagnosis, first: Rival, rival: Rival) -> Sized | No
 def _typical(diagnosis: Diagnosis, rival: Rival) -> Sized | None:
     """The middle of the family's grid, its coefficients such that its size comes out typical."""
     template = diagnosis.prepared.runs[0].logged
-    logged = replace(template, tau=template.predicted, torque_command=None)
+    logged = replace(template, tau=template.predicted, torque_command=None, beside=None)
     family = effect(rival.effect).signature([logged], rival.joint, rival.into)
     if not family.members:
         return None

@@ -290,6 +290,18 @@ def test_what_no_motion_shows_does_not_keep_others_from_being_shown(
     assert "Left: payload: record the same motion with a known payload on and off" in found.why
 
 
+def test_a_motion_of_another_length_than_the_logs_is_judged(
+    robot: Robot, runs: dict[str, Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("diagnosis.discrimination.KINDS", ((0.4, 5),))
+    monkeypatch.setattr("diagnosis.discrimination.IMPROVEMENTS", 2)
+    found = next_experiment(
+        diagnosed(robot, {"run_1": runs["run_1"]}, [], hidden=(("transmission_ripple", 0),))
+    )
+    assert found is not None
+    assert "ripple" in found.why
+
+
 def test_a_motion_that_settles_one_answer_only_says_which() -> None:
     both = ("cable_spring", "gravity_spring")
     assert why(both, both, 12.0, "").endswith("The proposed motion parts them by 12 times the noise.")
