@@ -18,6 +18,8 @@ from .weighing import Bank, Stage
 
 Array = NDArray[np.float64]
 
+LITTLE = 1e-3
+
 
 @dataclass(frozen=True)
 class Sized:
@@ -73,7 +75,8 @@ def _typical(diagnosis: Diagnosis, rival: Rival) -> Sized | None:
     member = family.members[len(family.members) // 2]
     wanted = typical_values(effect(rival.effect).DESCRIPTION, diagnosis.robot, rival.joint)
     covariance = np.zeros((member.count + len(family.refine),) * 2)
-    unit = np.clip(np.ones(member.count), member.lower, member.upper)
+    # So little that a gain's size is still straight in its coefficient.
+    unit = np.clip(np.full(member.count, LITTLE), member.lower, member.upper)
     once, twice = (family.parameters(member, factor * unit, covariance) for factor in (1.0, 2.0))
     size = 1.0
     for name, quantity in once.items():
@@ -82,6 +85,6 @@ def _typical(diagnosis: Diagnosis, rival: Rival) -> Sized | None:
             if not (isinstance(doubled, float) and value * doubled > 0 and value != doubled):
                 continue
             # A stiffness goes with the inverse of its column's coefficient.
-            size = float((wanted[name] / value) ** (1 / np.log2(doubled / value)))
+            size = float(abs(wanted[name] / value) ** (1 / np.log2(doubled / value)))
             break
     return Sized(dict(member.shape), np.clip(size * unit, member.lower, member.upper))

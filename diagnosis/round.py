@@ -18,6 +18,8 @@ from .swallowed import swallowed
 from .unclaimed import unclaimed
 from .weighing import Bank, Stage
 
+# Three standard deviations of what shows in the parameters' shift, which tells beside them.
+SWALLOWED_WALD = 9.0
 # A trace has a name from four standard deviations, with this share of some joint's rest: what misfit leaves
 # rarely has.
 TRACE_WALD, SMALLEST_TRACE = 16.0, 0.025
@@ -35,17 +37,17 @@ class Found:
     def is_certain(self, stage: Stage) -> bool:
         """Whether its size is known well enough for a name.
 
-        Pushes, limits and what shows in the parameters' shift are judged where they are sought.
+        Pushes and limits are judged where they are sought.
         """
         family = self.best.candidate.family
-        if family.effect in (EVENT, SATURATION) or (family.swallowed and not self.is_trace):
+        if family.effect in (EVENT, SATURATION):
             return True
         own = slice(-self.best.candidate.count, None)
         fitted = self.trial[1]
         wald = fitted.values[own] @ np.linalg.pinv(fitted.covariance[own, own]) @ fitted.values[own]
         if self.is_trace:
             return bool(wald > TRACE_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
-        return bool(wald > SMALLEST_WALD)
+        return bool(wald > (SWALLOWED_WALD if family.swallowed else SMALLEST_WALD))
 
 
 @dataclass(frozen=True)
