@@ -1,16 +1,17 @@
 """The motion that a diagnosis proposes, against a random one within its limits and another cautious one."""
 
-import json
-import os
-import subprocess
-import sys
+import io
+import multiprocessing
 from collections import Counter
-from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import redirect_stdout
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+
+from diagnosis.loop.job import close_loop
+from diagnosis.loop.outcome import Outcome
+from testbench.compare.case import one_thread
 
 from ._report import Report
 
@@ -30,8 +31,13 @@ RIGHT, FIRST, OPEN, WRONG, NOTHING, AT_ONCE = (
 
 def measure() -> Report:
     trials = list(product(NAMES, SEEDS, FOLLOW))
-    with TemporaryDirectory() as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
-        said = list(pool.map(lambda trial: _said(Path(folder), *trial), trials))
+    # Forking a process that has threads may hang.
+    context = multiprocessing.get_context("spawn")
+    with (
+        TemporaryDirectory() as folder,
+        ProcessPoolExecutor(mp_context=context, initializer=one_thread) as pool,
+    ):
+        said = list(pool.map(_said, [Path(folder)] * len(trials), *zip(*trials, strict=True)))
     found = Counter((name, follow, answer) for (name, _, follow), answer in zip(trials, said, strict=True))
     rows = [
         (name, answer, *(str(found[name, follow, answer]) for follow in FOLLOW))
@@ -51,21 +57,18 @@ def _said(folder: Path, name: str, seed: int, follow: str) -> str:
     scenario = folder / f"{out.name}.yaml"
     text = (SCENARIOS / f"{name}.yaml").read_text().replace("../models", str(SCENARIOS.parent / "models"))
     scenario.write_text(f"{text}rounds: 2\nfollow: {follow}\n")
-    command = [Path(sys.executable).parent / "testbench", "loop", scenario, "--out", out]
-    subprocess.run([*command, "--seed", str(seed)], check=True, capture_output=True)
-    return _answer(json.loads((out / "loop.json").read_text()))
+    with redirect_stdout(io.StringIO()):
+        return _answer(close_loop(scenario, out, seed, jobs=1))
 
 
-def _answer(loop: Mapping[str, Any]) -> str:
-    last = loop["rounds"][-1]
-    if len(loop["rounds"]) == 1:
+def _answer(found: Outcome) -> str:
+    last = found.rounds[-1]
+    if len(found.rounds) == 1:
         return AT_ONCE
-    acts = [(each["effect"], each["joint"]) for each in loop["acts"]]
-    named = [(each["effect"], each["joint"]) for each in last["effects"]]
-    if not named:
+    if not last.named:
         return NOTHING
-    if last["confused"]:
+    if last.confused:
         return OPEN
-    if named == acts:
+    if found.is_right:
         return RIGHT
-    return FIRST if named[0] in acts else WRONG
+    return FIRST if last.named[0] in found.acts else WRONG

@@ -21,7 +21,7 @@ from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
 from .linearisation import RELINEARISED, first_linearised, linearised_anew
-from .materiality import is_beyond_healthy, is_large_friction, is_main, is_material, with_friction
+from .materiality import is_beyond_healthy, is_main, is_material, with_friction
 from .observability import not_observable
 from .preparation import Prepared
 from .round import Found, Search
@@ -59,7 +59,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     prepared = first_linearised(prepared)
     hypothesis, fitted = fitted_to(prepared, [])
     first = hypothesis, fitted
-    sized = with_friction(prepared.robot, standard_values(prepared, fitted))
+    sized = with_friction(prepared.robot, standard_values(prepared, fitted.values))
     # A limit and a push of the surroundings are sought in ways of their own.
     early = [*without, SATURATION, EVENT]
     base = ground(prepared)
@@ -124,8 +124,7 @@ def _accepted(
     beyond = all(is_beyond_healthy(sized, torque_rms, *each) for each in sizes)
     # What a push leaves is where it was.
     somewhere = {a.candidate.family.joint for a in before if a.named and not a.candidate.is_event}
-    main = is_main(apart, stage, best, somewhere, rest)
-    main |= best.candidate.family.joint not in somewhere and is_large_friction(sized, stage, best)
+    main = is_main(sized, apart, stage, best, somewhere, rest)
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(
         candidate=best.candidate,
@@ -160,15 +159,9 @@ def _pruned(
                 )
             kept = item.candidate.is_event or item.is_trace
             # What was best when it was taken in is judged as such.
-            score = 0.0 if gain is None else gained(stage, gain)
-            keeps = kept or (
-                gain is not None
-                and (
-                    is_material(stage, gain, is_best=True)
-                    or is_large_friction(sized, stage, Weighed(gain, score))
-                )
-            )
-            worth.append((keeps, score))
+            weighed = None if gain is None else Weighed(gain, gained(stage, gain))
+            keeps = kept or (weighed is not None and is_material(sized, stage, weighed, is_best=True))
+            worth.append((keeps, 0.0 if weighed is None else weighed.score))
         weakest = min(range(len(worth)), key=lambda k: (worth[k][0], worth[k][1]))
         if worth[weakest][0]:
             break

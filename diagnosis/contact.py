@@ -104,7 +104,7 @@ def _without_effects(stage: Stage) -> list[Logged]:
 
     So a push stands out.
     """
-    standard = standard_values(stage.prepared, stage.fitted)
+    standard = standard_values(stage.prepared, stage.fitted.values)
     found = []
     for index, run in enumerate(stage.prepared.runs):
         tau = run.logged.tau.copy()

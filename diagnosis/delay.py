@@ -12,7 +12,6 @@ from testbench.effects import effects
 
 from .evidence import (
     DELAY,
-    NO_TIMING,
     Design,
     Fit,
     Normal,
@@ -58,18 +57,14 @@ class _Shifted:
 
     def __init__(self, hypothesis: Design, fitted: Fit):
         rest = [each for each in hypothesis.accepted if each.family.effect != DELAY]
-        self.hypothesis = design(hypothesis.prepared, rest)
+        self.hypothesis = design(hypothesis.prepared, rest, is_delayed=True)
         self.base, self.weights = ground(hypothesis.prepared), fitted.weights
-        added = self.base.rows([self.hypothesis.added(run) for run in range(len(self.base.gap))])
         self.x = [
             [np.concatenate(both, axis=1) for both in zip(x, z, strict=True)]
-            for x, z in zip(self.base.x, added, strict=True)
+            for x, z in zip(self.base.x, self.hypothesis.added_rows(), strict=True)
         ]
-        precision = scaled_precision(self.hypothesis, fitted.prior_scale)
-        # A delay that is an effect leaves none to the way the log was taken.
-        precision[self.base.parameters - 1] = NO_TIMING**-2
         products = Normal(self.hypothesis).weighted(self.weights)[0].sum(axis=0)
-        self.matrix = products + np.diag(precision)
+        self.matrix = products + np.diag(scaled_precision(self.hypothesis, fitted.prior_scale))
         self.lower, self.upper = bounds(self.hypothesis)
 
     def fit(self, delay: float) -> tuple[float, Array]:
@@ -86,8 +81,8 @@ class _Shifted:
                 for j in joints
             ]
         )
-        counts = np.array([sum(len(own[j]) for own in y) for j in joints])
-        return log_of_squares(counts, squares) + float(log_prior(self.hypothesis, values)), values
+        likelihood = log_of_squares(self.hypothesis.counts, squares)
+        return likelihood + float(log_prior(self.hypothesis, values)), values
 
 
 def _moved(run: Run, delay: float) -> Array:

@@ -53,7 +53,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         prepared=prepared,
         parameters_only=found.parameters_only,
         final=(hypothesis, fitted),
-        parameters=standard_values(prepared, fitted),
+        parameters=standard_values(prepared, fitted.values),
         timing=float(fitted.values[hypothesis.parameters - 1]),
         not_observable=found.hidden,
         notes=tuple(_unclaimed_in_words(robot, item) for item in found.unknown),
@@ -71,7 +71,7 @@ def _where(found: Attribution, gap: Gap, verdict: str) -> tuple[Share, ...]:
 
 def _rms(runs: Sequence[Array], hypothesis: Design) -> Array:
     """RMS (n,) over the used samples of all runs; runs are zero elsewhere."""
-    counts = np.maximum(sum(np.sum(used, axis=0) for used in hypothesis.used), 1)
+    counts = np.maximum(hypothesis.counts, 1)
     return np.sqrt(sum(np.sum(np.asarray(run) ** 2, axis=0) for run in runs) / counts)
 
 

@@ -60,6 +60,11 @@ class Design:
         return tuple(run.used for run in self.prepared.runs)
 
     @property
+    def counts(self) -> Array:
+        """How many samples of each joint count, (n,)."""
+        return np.sum([np.sum(used, axis=0) for used in self.used], axis=0).astype(np.float64)
+
+    @property
     def parts(self) -> tuple[slice, ...]:
         """Where each effect's coefficients are among the unknowns."""
         ends = np.cumsum([self.parameters, *(c.count for c in self.accepted)]).tolist()
@@ -72,14 +77,18 @@ class Design:
             [np.zeros((*run_gap.shape, 0)), *(c.columns[run] for c in self.accepted)], axis=2
         )
 
+    def added_rows(self) -> list[list[Array]]:
+        """The used rows of the effects' columns, (m, k): a fold, a joint."""
+        return ground(self.prepared).rows([self.added(run) for run in range(len(self.gap))])
 
-def design(prepared: Prepared, accepted: Sequence[Candidate] = ()) -> Design:
-    """The hypothesis that these effects act, and no other."""
+
+def design(prepared: Prepared, accepted: Sequence[Candidate] = (), is_delayed: bool = False) -> Design:
+    """The hypothesis that these effects act, and no other. is_delayed: but for a delay, known apart."""
     # A window in which next to nothing counts must not hold a push without bounds.
     push = (LARGEST_PUSH * float(ground(prepared).torque_rms.max())) ** -2.0
     free = [np.full(c.count, push if c.is_event else 0.0) for c in accepted]
     precision = np.concatenate([ground(prepared).precision, *free])
-    if any(c.family.effect == DELAY for c in accepted):
+    if is_delayed or any(c.family.effect == DELAY for c in accepted):
         # A delay that is an effect leaves none to the way the log was taken.
         precision[ground(prepared).parameters - 1] = NO_TIMING**-2
     return Design(prepared, tuple(accepted), precision)
@@ -116,7 +125,7 @@ class Normal:
         self.xx[:, :, :first, :first], self.xy[:, :, :first] = base.xx, base.xy
         if not hypothesis.accepted:
             return
-        added = base.rows([hypothesis.added(run) for run in range(len(base.gap))])
+        added = hypothesis.added_rows()
         for fold in range(folds):
             for joint in range(n):
                 z = added[fold][joint]
@@ -198,9 +207,9 @@ def fitted_to(prepared: Prepared, accepted: Sequence[Candidate]) -> tuple[Design
     return hypothesis, fit(prepared, hypothesis)
 
 
-def standard_values(prepared: Prepared, fitted: Fit) -> Array:
-    """Standard parameters (14 n,) of a fit."""
-    return prepared.nominal + fitted.values[: PER_JOINT * prepared.joints]
+def standard_values(prepared: Prepared, values: Array) -> Array:
+    """Standard parameters (14 n,) of a hypothesis's unknowns (p,)."""
+    return prepared.nominal + values[: PER_JOINT * prepared.joints]
 
 
 def squares(residual: Sequence[Array]) -> Array:

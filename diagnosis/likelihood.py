@@ -70,8 +70,8 @@ def log_of_squares(counts: Array, squared: Array) -> float:
 
 def log_likelihood(hypothesis: Design, fitted: Fit) -> float:
     """Of a hypothesis fitted in full; up to a constant."""
-    counts = np.sum([np.sum(used, axis=0) for used in hypothesis.used], axis=0)
-    return log_of_squares(counts, squares(fitted.held_out)) + float(log_prior(hypothesis, fitted.values))
+    held_out = log_of_squares(hypothesis.counts, squares(fitted.held_out))
+    return held_out + float(log_prior(hypothesis, fitted.values))
 
 
 def weigh(stage: Stage, bank: Bank) -> list[Weighed]:

@@ -10,7 +10,7 @@ from testbench.effects import effects
 
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
-from .evidence import DELAY, Design, Fit, fitted_to
+from .evidence import DELAY, Design, Fit, fitted_to, standard_values
 from .ground import ground
 from .preparation import Prepared
 from .prior import TIMING
@@ -61,7 +61,7 @@ def _linearised(
     A payload is part of the load. shapes: of the effects.
     """
     prepared = hypothesis.prepared
-    parameters = prepared.nominal + values[: PER_JOINT * prepared.joints]
+    parameters = standard_values(prepared, values)
     for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         if each.family.effect == PAYLOAD:
             parameters[PER_JOINT * (prepared.joints - 1) :][:INERTIAL] += values[own]

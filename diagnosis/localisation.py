@@ -132,7 +132,7 @@ def where(prepared: Prepared, parameters_only: tuple[Design, Fit], noise: Array)
     noise: (n,) N·m, RMS that noise alone leaves.
     """
     hypothesis, fitted = parameters_only
-    counts = np.maximum(sum(np.sum(u, axis=0) for u in hypothesis.used), 1)
+    counts = np.maximum(hypothesis.counts, 1)
     rms = np.sqrt(sum(np.sum(r**2, axis=0) for r in fitted.held_out) / counts)
     torque = np.sqrt(sum(np.sum(run.torque**2, axis=0) for run in prepared.runs) / counts)
     excess = np.maximum(rms**2 - noise**2, 0) / np.maximum(torque, 1e-12) ** 2

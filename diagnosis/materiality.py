@@ -19,7 +19,7 @@ from testbench.robot import Robot
 
 from .candidates import Candidate
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
-from .weighing import Gain, Stage
+from .weighing import Stage
 
 Array = NDArray[np.float64]
 
@@ -93,9 +93,14 @@ SIZES: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def is_material(stage: Stage, gain: Gain, is_best: bool = False) -> bool:
-    """Whether a candidate explains enough to be taken in. is_best: whether no other gains as much."""
-    family = gain.candidate.family
+def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = False) -> bool:
+    """Whether a candidate explains enough to be taken in.
+
+    robot: that sizes are relative to. is_best: whether no other gains as much.
+    """
+    gain, family = weighed.gain, weighed.candidate.family
+    if _is_large_friction(robot, stage, weighed):
+        return True
     if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
         return False
     shifts = gained_by_shift(stage, gain) > SMALLEST_SHIFT and gained(stage, gain) > SMALLEST_SUM
@@ -111,28 +116,19 @@ def is_material(stage: Stage, gain: Gain, is_best: bool = False) -> bool:
     return bool(np.any(enough[list(gain.candidate.member.rows)]))
 
 
-def is_large_friction(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
-    """Whether it is friction that parameters swallow, and is certainly larger than a healthy robot's."""
-    family, gain = weighed.candidate.family, weighed.gain
-    if family.effect not in SWALLOWED_FRICTION or weighed.score < SMALLEST_GAIN:
-        return False
-    wald = float(gain.coefficients @ gain.information @ gain.coefficients)
-    own = list(gain.candidate.member.rows)
-    seen = stage.removed(gain)[own] > SMALLEST_TORQUE * stage.ground.torque_rms[own]
-    if wald < SMALLEST_WALD or not np.any(seen):
-        return False
-    least = (1 - BEYOND / np.sqrt(wald)) * gain.coefficients
-    return is_beyond_healthy(robot, stage.ground.torque_rms, weighed.candidate, least)
-
-
 def is_main(
-    first: Stage, stage: Stage, best: Weighed, named: Collection[int | None], rest: Sequence[Weighed]
+    robot: Robot,
+    first: Stage,
+    stage: Stage,
+    best: Weighed,
+    named: Collection[int | None],
+    rest: Sequence[Weighed],
 ) -> bool:
     """Whether it explains a fair part of some joint's residual of the first stage, re-identification's rest.
 
-    named: joints at which an effect has been named already. What a law that is not quite the robot's leaves
-    is at the same joint, and a good part of it can be imitated: a second effect there must explain more.
-    rest: what else the catalogue explains beside it.
+    robot: that sizes are relative to. named: joints at which an effect has been named already. What a law
+    that is not quite the robot's leaves is at the same joint, and a good part of it can be imitated: a second
+    effect there must explain more. rest: what else the catalogue explains beside it.
     """
     gain, family = best.gain, best.candidate.family
     shares = gain.held_out / np.maximum(first.held_squares, 1e-300)
@@ -146,10 +142,26 @@ def is_main(
         return left or prominent or bool(shares[family.joint] > SECOND_SHARE)
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
+    if _is_large_friction(robot, stage, best):
+        return True
     own = stage.shares(gain)[list(gain.candidate.member.rows)].max()
     if family.joint is not None and own < STANDING_OUT and best.score < PROMINENT * elsewhere:
         return False
     return bool(np.any(shares > NAMED_SHARE))
+
+
+def _is_large_friction(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
+    """Whether it is friction that parameters swallow, and is certainly larger than a healthy robot's."""
+    family, gain = weighed.candidate.family, weighed.gain
+    if family.effect not in SWALLOWED_FRICTION or weighed.score < SMALLEST_GAIN:
+        return False
+    wald = float(gain.coefficients @ gain.information @ gain.coefficients)
+    own = list(gain.candidate.member.rows)
+    seen = stage.removed(gain)[own] > SMALLEST_TORQUE * stage.ground.torque_rms[own]
+    if wald < SMALLEST_WALD or not np.any(seen):
+        return False
+    least = (1 - BEYOND / np.sqrt(wald)) * gain.coefficients
+    return is_beyond_healthy(robot, stage.ground.torque_rms, weighed.candidate, least)
 
 
 def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:

@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 # severe one, for it to be known from a small one.
 DETECTABLE = SMALLEST_WALD
 STRAIGHT = 0.2
-INVERSIONS = 20
+# Steps to the coefficients of a size, and how near it they end, relative.
+INVERSIONS, INVERTED = 20, 1e-9
 
 
 def not_observable(
@@ -58,5 +59,7 @@ def _severe(robot: Robot, torque_scale: Array, candidate: Candidate) -> Array | 
         if not (np.isfinite(reached) and reached > 0):
             return None
         factor /= reached
-    straight = abs(sized(factor) - 1) < STRAIGHT and abs(sized(factor / 2) - 0.5) < STRAIGHT / 2
+        if abs(reached - 1) < INVERTED:
+            break
+    straight = abs(reached - 1) < STRAIGHT and abs(sized(factor / 2) - 0.5) < STRAIGHT / 2
     return factor * unit if straight else None

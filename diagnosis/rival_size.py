@@ -1,6 +1,6 @@
 """How large a rival is likely to be: as fitted, as fitted in another's place, or as is typical."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,8 +67,7 @@ def _in_place_of(diagnosis: Diagnosis, first: Rival, rival: Rival) -> Sized | No
 
 def _typical(diagnosis: Diagnosis, rival: Rival) -> Sized | None:
     """The middle of the family's grid, its coefficients such that its size comes out typical."""
-    template = diagnosis.prepared.runs[0].logged
-    logged = replace(template, tau=template.predicted, torque_command=None, beside=None)
+    logged = diagnosis.prepared.runs[0].logged.foretold()
     family = effect(rival.effect).signature([logged], rival.joint, rival.into)
     if not family.members:
         return None

@@ -11,7 +11,7 @@ from .candidates import EVENT, SATURATION
 from .contact import contact
 from .evidence import Design, Fit
 from .likelihood import Weighed, weigh
-from .materiality import SMALLEST_WALD, is_beyond_healthy, is_large_friction, is_material, is_plausible
+from .materiality import SMALLEST_WALD, is_beyond_healthy, is_material, is_plausible
 from .saturation import Cut, saturation
 from .shortlist import choose
 from .swallowed import swallowed
@@ -77,11 +77,7 @@ class Search:
 
         weighed: of ``open``. free: candidates of generic.py.
         """
-        material = [
-            w
-            for place, w in enumerate(weighed)
-            if is_material(stage, w.gain, place == 0) or is_large_friction(self.sized, stage, w)
-        ]
+        material = [w for place, w in enumerate(weighed) if is_material(self.sized, stage, w, place == 0)]
         if SATURATION not in self.without:
             clipped = saturation(stage, free, self.limits)
             if clipped is not None and clipped.score > max((w.score for w in material), default=0.0):

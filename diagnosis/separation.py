@@ -62,7 +62,6 @@ class Separation:
             reference_position=q,
             reference_velocity=dq,
             reference_acceleration=ddq,
-            beside=None,
         )
         return self.of_run(logged)
 
@@ -72,8 +71,7 @@ class Separation:
         Of effects that are confused, the distance from the nearest other; of others, from no effect at all.
         NaN for a rival without a size, zero for one that the motion leaves without columns.
         """
-        logged = replace(logged, tau=np.zeros_like(logged.q), torque_command=None, beside=None)
-        logged = replace(logged, tau=logged.predicted)
+        logged = logged.foretold()
         base = regressor(logged.chain, logged.q, logged.dq, logged.ddq, self.columns)
         blocks: list[Block] = [(base, range(logged.joints))]
         count = len(self.columns)

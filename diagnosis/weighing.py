@@ -99,7 +99,7 @@ class Stage:
         folds, n = range(len(ground.folds)), ground.joints
         self.x, self.added = ground.x, [[np.zeros((len(x), 0)) for x in fold] for fold in ground.x]
         if hypothesis.accepted:
-            self.added = ground.rows([hypothesis.added(run) for run in range(len(ground.gap))])
+            self.added = hypothesis.added_rows()
             self.x = [
                 [np.concatenate([ground.x[f][j], self.added[f][j]], axis=1) for j in range(n)] for f in folds
             ]
@@ -120,7 +120,7 @@ class Stage:
             for f, apart in enumerate(self.apart)
         ]
         self.held_squares: Array = np.sum([[np.sum(part**2) for part in fold] for fold in self.held], axis=0)
-        self.counts: Array = np.sum([[len(part) for part in fold] for fold in self.held], axis=0)
+        self.counts = hypothesis.counts
         self._weighed: WeakKeyDictionary[Bank, list[Gain | None]] = WeakKeyDictionary()
 
     def with_effects(self, more: Sequence[Candidate]) -> tuple[Design, Fit]:

@@ -11,6 +11,8 @@ from identification.regressor import regressor
 from testbench.effects.signature import Family, Logged
 from testbench.robot import Robot
 
+from .exact_motion import exactly
+
 RATE, CUTOFF = 500.0, 40.0
 TIME = np.arange(6000) / RATE
 FINENESS = 10
@@ -38,23 +40,7 @@ Q, DQ, DDQ = motion()
 
 def closed_form_run(arm: Robot) -> Logged:
     """The motion with the torque that the model needs for it."""
-    tau = inverse_dynamics(arm.chain, arm.parameters, Q, DQ, DDQ)
-    return Logged(
-        chain=arm.chain,
-        parameters=arm.parameters,
-        nominal=arm.parameters,
-        limits=arm.limits,
-        time=TIME,
-        sample_rate=RATE,
-        cutoff=CUTOFF,
-        q=Q,
-        dq=DQ,
-        ddq=DDQ,
-        tau=tau,
-        reference_position=Q,
-        reference_velocity=DQ,
-        reference_acceleration=DDQ,
-    )
+    return exactly(arm, TIME, CUTOFF, (Q, DQ, DDQ))
 
 
 def filtered(columns: np.ndarray) -> np.ndarray:

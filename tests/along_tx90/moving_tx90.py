@@ -11,11 +11,13 @@ from identification.filtering import decimation_step, edge_samples, zero_phase_l
 from identification.inverse_dynamics import inverse_dynamics
 from identification.regressor import regressor
 from testbench.effects import injection
-from testbench.effects.logged import Logged, body_in_link
+from testbench.effects.logged import Logged
 from testbench.effects.signature import Family
 from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.simulation import SimulationOptions, sample_reference, simulate
+
+from ..exact_motion import exactly
 
 RATE, STEP_SIZE, CUTOFF = 1000.0, 2e-4, 20.0
 
@@ -47,23 +49,7 @@ def recorded(
 def exact_run(arm: Robot, motion: FourierSeries) -> Logged:
     """A closed-form motion with the model's own torque."""
     time = np.arange(2500) / RATE
-    q, dq, ddq = motion.evaluate(time)
-    rotation, origin = body_in_link(arm, 5)
-    return Logged(
-        chain=arm.chain,
-        parameters=arm.parameters,
-        nominal=arm.parameters,
-        limits=arm.limits,
-        time=time,
-        sample_rate=RATE,
-        cutoff=20.0,
-        q=q,
-        dq=dq,
-        ddq=ddq,
-        tau=torque(arm, q, dq, ddq),
-        body_rotation=rotation,
-        body_origin=origin,
-    )
+    return exactly(arm, time, CUTOFF, motion.evaluate(time))
 
 
 def rms(x: np.ndarray) -> float:
