@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +29,22 @@ FREE = "unknown: "
 class Candidate:
     """One member of a family on these runs.
 
-    family: the effect and its place. member: which shape. columns: a run, (M, n, k) filtered.
+    family: the effect and its place. member: which shape. filtered: a run, (M, r, k) at the member's rows.
+    joints: n of the robot.
     """
 
     family: Family
     member: Member
-    columns: tuple[Array, ...]
+    filtered: tuple[Array, ...]
+    joints: int
+
+    @cached_property
+    def columns(self) -> tuple[Array, ...]:
+        """A run each, (M, n, k): filtered, and zero where the effect does not reach."""
+        spread = [np.zeros((len(run), self.joints, self.count)) for run in self.filtered]
+        for whole, run in zip(spread, self.filtered, strict=True):
+            whole[:, list(self.member.rows)] = run
+        return tuple(spread)
 
     @property
     def count(self) -> int:
@@ -59,12 +69,8 @@ class Candidate:
 
 def candidate(prepared: Prepared, family: Family, member: Member) -> Candidate:
     """A member with its columns filtered for every run."""
-    columns = []
-    for index, run in enumerate(prepared.runs):
-        full = np.zeros((len(run.kept), prepared.joints, member.count))
-        full[:, list(member.rows)] = run.filtered(member.columns[index])
-        columns.append(full)
-    return Candidate(family, member, tuple(columns))
+    filtered = [run.filtered(columns) for run, columns in zip(prepared.runs, member.columns, strict=True)]
+    return Candidate(family, member, tuple(filtered), prepared.joints)
 
 
 def candidates(

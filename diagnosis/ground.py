@@ -53,9 +53,10 @@ class Ground:
         """Used rows of arrays (M, n, ...), one a run: a fold, a joint."""
         return [[self.rows_of(runs, f, j) for j in range(self.joints)] for f in range(len(self.folds))]
 
-    def rows_of(self, runs: Sequence[Array], fold: int, joint: int) -> Array:
-        """Used rows of one fold and joint."""
-        return runs[self.folds[fold][0]][self.used[fold][joint], joint]
+    def rows_of(self, runs: Sequence[Array], fold: int, joint: int, place: int | None = None) -> Array:
+        """Used rows of one fold and joint. place: of the joint in the arrays, where that is not its index."""
+        at = joint if place is None else place
+        return runs[self.folds[fold][0]][self.used[fold][joint], at]
 
 
 @lru_cache(maxsize=2)

@@ -64,7 +64,7 @@ class Bank:
         # Columns that reach a joint, of the used rows of a fold: (m, K_j).
         self.z = [
             [
-                np.concatenate([ground.rows_of(proposals[c].columns, f, j) for c in own], axis=1)
+                np.concatenate([_rows(ground, proposals[c], f, j) for c in own], axis=1)
                 if own
                 else np.zeros((len(ground.used[f][j]), 0))
                 for j, own in enumerate(reach)
@@ -88,6 +88,11 @@ class Bank:
                 for f in folds:
                     z = self.z[f][j][:, part]
                     self.squares[g][i, f, j] = z.T @ z
+
+
+def _rows(ground: Ground, candidate: Candidate, fold: int, joint: int) -> Array:
+    """A candidate's columns at a joint that it reaches, (m, k)."""
+    return ground.rows_of(candidate.filtered, fold, joint, candidate.member.rows.index(joint))
 
 
 class Stage:
