@@ -82,6 +82,6 @@ def _again(prepared: Prepared, old: Candidate, shape: Mapping[str, float]) -> Ca
         return old
     logged = [run.logged for run in prepared.runs]
     family = effects()[old.family.effect].signature(logged, old.family.joint, old.family.into)
-    if family.member is None or not shape:
-        return candidate(prepared, family, family.members[0])
-    return candidate(prepared, family, family.member(shape))
+    member = family.at(shape)
+    assert member is not None
+    return candidate(prepared, family, member)

@@ -14,7 +14,7 @@ from identification.errors import InputError
 from identification.inverse_dynamics import inverse_dynamics
 from identification.models import POSITION_BAND
 from testbench.effects import effect
-from testbench.effects.signature import Family, Logged, Member
+from testbench.effects.signature import Logged
 from testbench.files import replacing
 from testbench.identify import motion
 from testbench.log import Recording, check_joints, read_log, write_log
@@ -105,18 +105,11 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
 def term_torque(term: Term, logged: Logged) -> Array:
     """An effect's torque along one run, (N, n) N·m; zero for an event that this run does not show."""
     family = effect(term.effect).signature([logged], term.joint, term.into)
-    member = member_of(family, term.shape)
+    member = family.at(term.shape)
     if member is None or member.count != len(term.coefficients):
         return np.zeros_like(logged.q)
     # einsum, not a BLAS product: its sums do not depend on the number of threads.
     return np.einsum("tjk,k->tj", member.spread(0, logged.joints), term.coefficients)
-
-
-def member_of(family: Family, shape: dict[str, float]) -> Member | None:
-    """The family's member of that shape, or None where these runs have none."""
-    if family.member is not None and shape:
-        return family.member(shape)
-    return next((member for member in family.members if member.shape == shape), None)
 
 
 def logged_motion(model: Corrected, recording: Recording) -> Logged:

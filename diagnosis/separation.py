@@ -23,7 +23,6 @@ from testbench.effects.signature import Logged
 
 from .findings import Diagnosis
 from .imitation import left, projected_gram
-from .predict import member_of
 from .preparation import DEAD_ZONE, filter_cutoff
 from .rival_size import sized
 from .rivals import Open
@@ -79,7 +78,7 @@ class Separation:
         spans: list[list[slice]] = []
         for rival, size in zip(self.open.rivals, self.sized, strict=True):
             family = effect(rival.effect).signature([logged], rival.joint, rival.into)
-            member = None if size is None else member_of(family, size.shape)
+            member = None if size is None else family.at(size.shape)
             added.append(None)
             if member is not None and size is not None:
                 torque = np.einsum("trk,k->tr", member.columns[0], size.coefficients)

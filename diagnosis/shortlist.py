@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from .candidates import candidate
+from .candidates import Candidate, candidate
 from .evidence import Design, Fit
 from .likelihood import Weighed, gained, log_likelihood, odds
 from .preparation import Prepared
@@ -31,11 +31,10 @@ def choose(
     prepared = stage.prepared
     shortlist = [_refined(prepared, stage, w) for w in material[:SHORTLIST]]
     trials = [stage.with_effects([w.candidate]) for w in shortlist]
-    families = [w.candidate.family for w in shortlist]
     # Of many shapes one is the likelier to fit by chance.
     likelihoods = [
-        log_likelihood(*trial) - float(np.log(max(len(family.members), family.picked_from)))
-        for family, trial in zip(families, trials, strict=True)
+        log_likelihood(*trial) - float(np.log(_shapes(weighed.candidate)))
+        for weighed, trial in zip(shortlist, trials, strict=True)
     ]
     first = int(np.argmax(likelihoods))
     after = Stage(stage.ground, *trials[first])
@@ -49,10 +48,16 @@ def choose(
     return shortlist[first], tuple(sorted(rivals, key=lambda r: -r[1])), trials[first]
 
 
+def _shapes(tried: Candidate) -> int:
+    """How many shapes of its law were tried."""
+    of_its_law = sum(member.law == tried.member.law for member in tried.family.members)
+    return max(of_its_law, tried.family.picked_from)
+
+
 def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:
     """The family's best member at any shape near the best of its grid."""
     family = weighed.candidate.family
-    if not family.refine or family.member is None:
+    if family.member is None or not weighed.candidate.member.shape:
         return weighed
     names = list(family.refine)
     lower = np.array([family.refine[name][0] for name in names])

@@ -59,6 +59,18 @@ def test_native_torque_is_the_law(
         np.testing.assert_allclose(added, on_joint(np.array([law(q[J], dq[J])]))[0], atol=1e-9)
 
 
+def test_a_native_gas_spring_is_a_sum_of_sines(arm: Robot) -> None:
+    gas = injection(arm, "gravity_spring", 2, {"stiffness": 6, "phase": 0.4}, "gas_spring")
+    spec, sentences = effects_spec(arm, [gas])
+    written, plain = spec.compile(), mujoco.MjModel.from_xml_string(ARM)
+    assert len(sentences) == 1
+    angles = np.array([0.4 - q[J] for q, _ in states()])
+    wanted = 6 * 0.5 * np.sin(angles) / np.sqrt(1.25 - np.cos(angles))
+    added = np.array([(joint_torque(written, *at) - joint_torque(plain, *at))[J] for at in states()])
+    # The overtones that are left out: .0034, .0016, ... of the stiffness and so on, added up.
+    np.testing.assert_allclose(added, wanted, atol=6 * 0.015)
+
+
 def test_native_coupling_damps_the_summed_speed(arm: Robot) -> None:
     spec, _ = effects_spec(
         arm, [injection(arm, "joint_coupling", 2, {"viscous": 0.6, "coulomb": 0}, None, 3)]

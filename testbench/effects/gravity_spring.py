@@ -1,10 +1,12 @@
 """Gravity spring: a counterbalance whose torque is a sine of the joint's position."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from identification.kinematics import kernel
 
 from ..robot import Robot
 from .action import (
@@ -41,36 +43,68 @@ DESCRIPTION = EffectDescription(
     confused_with=("cable_spring", "payload", "encoder_offset", "base_tilt"),
 )
 
+SINE, GAS_SPRING = DESCRIPTION.laws
+# Phases at which a gas spring is tried.
+PHASES = 24
+# Of a gas spring's torque as a sum of sines: what comes after leaves 2 % of it.
+HARMONICS = 4
+
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     """A torque on the link."""
     joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
     values = [injection.values[name] for name in ("stiffness", "phase")]
-    return Action((hook(Stage.TORQUE, _spring, joint, [*values, injection.law == "gas_spring"]),))
+    return Action((hook(Stage.TORQUE, _spring, joint, [*values, injection.law == GAS_SPRING]),))
+
+
+@kernel
+def _lever(angle: Any) -> Any:
+    """Lever arm of a force between anchors at radius 1 and 1/2, which are so many rad apart."""
+    return 0.5 * np.sin(angle) / np.sqrt(1.25 - np.cos(angle))
 
 
 @hook_kernel
 def _spring(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 3)
     angle = value[1] - row[LINK_POSITION]
-    torque = value[0] * np.sin(angle)
-    if value[2] > 0.0:
-        # A constant force between anchors at radius 1 and 1/2: lever arm over length.
-        torque *= 0.5 / np.sqrt(1.25 - np.cos(angle))
-    row[LINK_TORQUE] += torque
+    row[LINK_TORQUE] += value[0] * (_lever(angle) if value[2] > 0.0 else np.sin(angle))
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """sin q and cos q: -stiffness·sin(phase - q) = stiffness·sin(q - phase)."""
+    """sin q and cos q, as -stiffness·sin(phase - q) = stiffness·sin(q - phase); gas springs by phase."""
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     columns = [np.column_stack([np.cos(run.q[:, joint]), np.sin(run.q[:, joint])]) for run in runs]
     free = np.full(2, np.inf)
-    member = Member({}, (joint,), single_joint(columns), -free, free)
-    return Family(DESCRIPTION.name, joint, (member,), _parameters, swallowed=True)
+    sine = Member({}, (joint,), single_joint(columns), -free, free)
+
+    def gas_spring(shape: Mapping[str, float]) -> Member:
+        levers = [-_lever(shape["phase"] - run.q[:, joint])[:, None] for run in runs]
+        return Member(
+            dict(shape), (joint,), single_joint(levers), np.zeros(1), np.full(1, np.inf), GAS_SPRING
+        )
+
+    phases = np.linspace(-np.pi, np.pi, PHASES, endpoint=False)
+    return Family(
+        effect=DESCRIPTION.name,
+        joint=joint,
+        members=(sine, *(gas_spring({"phase": float(phase)}) for phase in phases)),
+        parameters=_parameters,
+        refine={"phase": (-2 * np.pi, 2 * np.pi)},
+        member=gas_spring,
+        swallowed=True,
+    )
 
 
 def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
-    stiffness, stiffness_std, phase, phase_std = amplitude_and_phase(float(c[0]), float(c[1]), covariance)
+    if member.law == GAS_SPRING:
+        deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        return {
+            "stiffness": Quantity(float(c[0]), float(deviations[0]), "N·m"),
+            "phase": Quantity(member.shape["phase"], float(deviations[1]), "rad"),
+        }
+    stiffness, stiffness_std, phase, phase_std = amplitude_and_phase(
+        float(c[0]), float(c[1]), covariance[:2, :2]
+    )
     return {
         "stiffness": Quantity(stiffness, stiffness_std, "N·m"),
         "phase": Quantity(-phase, phase_std, "rad"),
@@ -78,10 +112,15 @@ def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quanti
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
-    """The cogging torque of a passive dcmotor with one cycle a revolution."""
+    """The cogging torque of a passive dcmotor with one cycle a revolution; a gas spring's overtones too."""
     joint = require_joint(DESCRIPTION.name, injection.joint, robot.joints)
     stiffness, phase = (injection.values[name] for name in ("stiffness", "phase"))
-    passive_device(spec, robot, joint, "spring", cogging=(stiffness, 1.0, np.pi - phase))
-    if injection.law == "gas_spring":
-        return ("the gas spring's changing length is left out, its torque is a pure sine",)
-    return ()
+    if injection.law == SINE:
+        passive_device(spec, robot, joint, "spring", cogging=(stiffness, 1.0, np.pi - phase))
+        return ()
+    angles = np.linspace(-np.pi, np.pi, 360, endpoint=False)
+    for cycles in range(1, HARMONICS + 1):
+        share = 2 * float(np.mean(_lever(angles) * np.sin(cycles * angles)))
+        cogging = (share * stiffness, float(cycles), np.pi - cycles * phase)
+        passive_device(spec, robot, joint, "spring", cogging=cogging)
+    return (f"the gas spring's torque is a sum of {HARMONICS} sines",)

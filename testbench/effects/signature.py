@@ -40,7 +40,7 @@ class Member:
 
     shape: the nonlinear parameters it stands for. rows: the r joints whose torque it touches.
     columns: a run, (N, r, k): added torque for a unit of each coefficient. lower, upper: (k,) bounds of
-    the coefficients, which carry sign and size.
+    the coefficients, which carry sign and size. law: of the catalogue; None is the effect's first.
     """
 
     shape: dict[str, float]
@@ -48,6 +48,7 @@ class Member:
     columns: tuple[Array, ...]
     lower: Array
     upper: Array
+    law: str | None = None
 
     @property
     def count(self) -> int:
@@ -70,7 +71,8 @@ class Family:
     when these runs cannot hold the effect at all (no window of contact, no command to saturate).
     parameters: (member, c (k,), covariance (k + s, k + s)) to the contract's parameters; the covariance
     is of the coefficients and then of the s refined shapes, in the order of ``refine``.
-    refine: continuous shapes and the range they may be searched in. member: the member at any such shape.
+    refine: continuous shapes and the range they may be searched in; a member without them has none.
+    member: the member at any such shape.
     swallowed: re-identification takes most of it up, so look for it in the parameters' shift. picked_from:
     how many shapes its members were picked from by what the runs look like; 0 where they are all there is.
     """
@@ -84,6 +86,12 @@ class Family:
     into: int | None = None
     swallowed: bool = False
     picked_from: int = 0
+
+    def at(self, shape: Mapping[str, float]) -> Member | None:
+        """The member of that shape, or None where these runs have none."""
+        if self.member is not None and shape:
+            return self.member(shape)
+        return next((member for member in self.members if member.shape == shape), None)
 
 
 def grid_family(

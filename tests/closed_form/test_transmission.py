@@ -142,6 +142,11 @@ def test_springs_are_explained(arm: Robot, base: np.ndarray, logged: Logged) -> 
     )
     assert left < 1e-9
     assert (found["stiffness"], found["phase"]) == pytest.approx((5, 0.7))
+    gas = -4 * 0.5 * np.sin(0.7 - q) / np.sqrt(1.25 - np.cos(0.7 - q))
+    springs = effects()["gravity_spring"].signature([logged], 0, None)
+    left, found = unexplained(base, on_joint(gas, 0), single(springs, phase=0.7))
+    assert left < 1e-9
+    assert (found["stiffness"], found["phase"]) == pytest.approx((4, 0.7))
     left, found = unexplained(
         base, on_joint(3 * (q + 0.2), 0), effects()["cable_spring"].signature([logged], 0, None)
     )
