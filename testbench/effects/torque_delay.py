@@ -10,7 +10,7 @@ from ..robot import Robot
 from .action import DRIVE, STEP, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, coefficients_as_named, grid_family
+from .signature import Family, Logged, Member, Quantity, grid_family
 
 Array = NDArray[np.float64]
 
@@ -69,8 +69,13 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
             upper=np.array([shape["difference"] * NEAR]),
         )
 
-    named = coefficients_as_named(DESCRIPTION, ("delay",))
-    return grid_family(DESCRIPTION.name, None, member, {"difference": GRID}, named)
+    return grid_family(DESCRIPTION.name, None, member, {"difference": GRID}, _parameters)
+
+
+def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+    """The delay. How far it is from the difference that its column was taken over is no less uncertain."""
+    std = float(np.hypot(np.sqrt(max(covariance[0, 0], 0.0)), c[0] - member.shape["difference"]))
+    return {"delay": Quantity(float(c[0]), std, "s")}
 
 
 def _difference(run: Logged, delay: float) -> Array:
