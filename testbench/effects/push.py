@@ -26,8 +26,9 @@ RAMP = 0.1
 # be no less than this share of its largest.
 SMOOTHING, THRESHOLD, QUIETEST = 0.1, 4.0, 0.05
 SHORTEST, GAP = 0.05, 0.15
-# What covers more of a run than this is no event; the strongest so many windows a run are taken.
-LARGEST_SHARE, WINDOWS = 0.35, 3
+# What covers more of a run than this is no event, but one may stand out higher; the strongest so many windows
+# a run are taken.
+LARGEST_SHARE, HIGHER, WINDOWS = 0.35, 1.5, 3
 
 
 def windows(run: Logged, joint: int) -> list[tuple[int, int]]:
@@ -40,15 +41,11 @@ def windows(run: Logged, joint: int) -> list[tuple[int, int]]:
     size = np.abs(smooth - np.median(smooth, axis=0))
     usual = np.maximum(np.median(size, axis=0) / 0.6745, QUIETEST * size.max(axis=0))
     level = (size / np.maximum(usual, np.finfo(float).tiny)).max(axis=1)
-    found: list[list[int]] = []
-    for first, last in _stretches(level > THRESHOLD):
-        if found and first - found[-1][1] < GAP * run.sample_rate:
-            found[-1][1] = last
-        else:
-            found.append([first, last])
-    found = [window for window in found if window[1] - window[0] >= SHORTEST * run.sample_rate]
-    if sum(last - first for first, last in found) > LARGEST_SHARE * run.samples:
-        return []
+    threshold = THRESHOLD
+    found = _merged(level > threshold, run.sample_rate)
+    while sum(last - first for first, last in found) > LARGEST_SHARE * run.samples:
+        threshold *= HIGHER
+        found = _merged(level > threshold, run.sample_rate)
     found.sort(key=lambda window: -float(np.sum(level[window[0] : window[1]] ** 2)))
     halved = []
     for first, last in sorted(found[:WINDOWS]):
@@ -56,6 +53,17 @@ def windows(run: Logged, joint: int) -> list[tuple[int, int]]:
         high = np.flatnonzero(inside > 0.5 * inside.max())
         halved.append((first + int(high[0]), first + int(high[-1]) + 1))
     return halved
+
+
+def _merged(stands_out: NDArray[np.bool_], sample_rate: float) -> list[list[int]]:
+    """First and last sample of stretches that are long enough, with short gaps closed."""
+    found: list[list[int]] = []
+    for first, last in _stretches(stands_out):
+        if found and first - found[-1][1] < GAP * sample_rate:
+            found[-1][1] = last
+        else:
+            found.append([first, last])
+    return [window for window in found if window[1] - window[0] >= SHORTEST * sample_rate]
 
 
 def common_times(runs: Sequence[Logged], columns: Sequence[Array]) -> list[tuple[float, float]]:
