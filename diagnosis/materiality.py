@@ -18,6 +18,7 @@ from testbench.effects.size import scale_of, typical_range
 from testbench.robot import Robot
 
 from .candidates import Candidate
+from .evidence import DELAY
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
 from .weighing import Stage
 
@@ -44,9 +45,10 @@ SECOND_LEFT, SECOND_TORQUE, SECOND_PROMINENT = 0.5, 0.02, 8.0
 STANDING_OUT, PROMINENT = 0.2, 3.0
 # Wald's statistic of what is named: five standard deviations.
 SMALLEST_WALD = 25.0
-# Friction that its joint's own Coulomb and viscous parameters swallow leaves little, however large it is: the
-# size tells, where so many standard deviations less of it are still beyond a healthy robot's.
-SWALLOWED_FRICTION = ("load_dependent_friction", "nonlinear_viscous_friction")
+# Friction that its joint's own parameters swallow leaves little, however large it is, and a
+# delay leaves a little at every joint: the size tells, where so many standard deviations less of it are still
+# beyond a healthy robot's.
+TOLD_BY_SIZE = ("load_dependent_friction", "nonlinear_viscous_friction", DELAY)
 SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
@@ -99,7 +101,7 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = Fa
     robot: that sizes are relative to. is_best: whether no other gains as much.
     """
     gain, family = weighed.gain, weighed.candidate.family
-    if _is_large_friction(robot, stage, weighed):
+    if _is_large(robot, stage, weighed):
         return True
     if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
         return False
@@ -142,7 +144,7 @@ def is_main(
         return left or prominent or bool(shares[family.joint] > SECOND_SHARE)
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
-    if _is_large_friction(robot, stage, best):
+    if _is_large(robot, stage, best):
         return True
     own = stage.shares(gain)[list(gain.candidate.member.rows)].max()
     if family.joint is not None and own < STANDING_OUT and best.score < PROMINENT * elsewhere:
@@ -150,10 +152,13 @@ def is_main(
     return bool(np.any(shares > NAMED_SHARE))
 
 
-def _is_large_friction(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
-    """Whether it is friction that parameters swallow, and is certainly larger than a healthy robot's."""
+def _is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
+    """Whether it is told by its size, and that is certainly larger than a healthy robot's."""
     family, gain = weighed.candidate.family, weighed.gain
-    if family.effect not in SWALLOWED_FRICTION or weighed.score < SMALLEST_GAIN:
+    if family.effect not in TOLD_BY_SIZE or weighed.score < SMALLEST_GAIN:
+        return False
+    # What a delay and the timing of the log make of each other is a derivative, not a delay.
+    if family.effect == DELAY and gained_by_shift(stage, gain) < 0:
         return False
     wald = float(gain.coefficients @ gain.information @ gain.coefficients)
     own = list(gain.candidate.member.rows)
