@@ -30,13 +30,14 @@ class Candidate:
     """One member of a family on these runs.
 
     family: the effect and its place. member: which shape. filtered: a run, (M, r, k) at the member's rows.
-    joints: n of the robot.
+    joints: n of the robot. is_carried: whether the load of these runs has its torque already.
     """
 
     family: Family
     member: Member
     filtered: tuple[Array, ...]
     joints: int
+    is_carried: bool = False
 
     @cached_property
     def columns(self) -> tuple[Array, ...]:

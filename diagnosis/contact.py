@@ -110,7 +110,7 @@ def _without_effects(stage: Stage) -> list[Logged]:
         tau = run.logged.tau.copy()
         for each, part in zip(stage.hypothesis.accepted, stage.hypothesis.parts, strict=True):
             tau -= each.member.spread(index, stage.prepared.joints) @ stage.fitted.values[part]
-        found.append(replace(run.logged, tau=tau, parameters=standard, beside=None))
+        found.append(replace(run.logged, tau=tau, parameters=standard, carried=None, beside=None))
     return found
 
 

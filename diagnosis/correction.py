@@ -24,7 +24,7 @@ LIMITS = ("lower", "upper", "velocity", "acceleration", "torque")
 class Term:
     """One effect of the corrected model: a member of its family, and the coefficients (k,) of its columns.
 
-    joint, into: indices, None as in the catalogue. shape: the member's.
+    joint, into: indices, None as in the catalogue. shape: the member's. is_carried: as of Candidate.
     """
 
     effect: str
@@ -32,6 +32,7 @@ class Term:
     into: int | None
     shape: dict[str, float]
     coefficients: Array
+    is_carried: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
     parameters, parameters_timing = _standard(diagnosis, *diagnosis.parameters_only)
     hypothesis, fitted = diagnosis.final
     terms = [
-        Term(*accepted.place, dict(accepted.member.shape), fitted.values[part])
+        Term(*accepted.place, dict(accepted.member.shape), fitted.values[part], accepted.is_carried)
         for accepted, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
         if not accepted.is_event
     ]
@@ -117,6 +118,7 @@ def correction_document(model: Corrected) -> dict[str, Any]:
                     "into": _name(chain, term.into),
                     "shape": term.shape,
                     "coefficients": term.coefficients.tolist(),
+                    "carried": term.is_carried,
                 }
                 for term in model.terms
             ],
@@ -158,6 +160,7 @@ def read_correction(document: Any, source: object) -> Corrected:
                     into=_index(chain, term["into"]),
                     shape={name: float(value) for name, value in term["shape"].items()},
                     coefficients=np.array(term["coefficients"], dtype=np.float64),
+                    is_carried=bool(term.get("carried", False)),
                 )
                 for term in effects["terms"]
             ),

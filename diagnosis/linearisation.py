@@ -1,12 +1,13 @@
 """Where effects are linearised: at the loads and derivatives of the parameters fitted so far."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.parameters import INERTIAL, PER_JOINT
-from testbench.effects import effects
+from testbench.effects import effect
 
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
@@ -65,14 +66,20 @@ def _linearised(
     for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         if each.family.effect == PAYLOAD:
             parameters[PER_JOINT * (prepared.joints - 1) :][:INERTIAL] += values[own]
-    beside = [np.zeros_like(run.logged.tau) for run in prepared.runs]
-    there = prepared.linearised_at(parameters, beside)
-    accepted = [_again(there, *each) for each in zip(hypothesis.accepted, shapes, strict=True)]
-    for each, own in zip(accepted, hypothesis.parts, strict=True):
-        if each.family.effect != PAYLOAD:
-            for torque, columns in zip(beside, each.member.columns, strict=True):
-                torque[:, list(each.member.rows)] += columns @ values[own]
-    return prepared.linearised_at(parameters, beside), accepted
+    nothing = [np.zeros_like(run.logged.tau) for run in prepared.runs]
+    carried, beside = ([torque.copy() for torque in nothing] for _ in range(2))
+    accepted = list(hypothesis.accepted)
+    # What the gearboxes carry is known before what depends on it.
+    for known, loads in ((carried, True), (beside, False)):
+        there = prepared.linearised_at(parameters, [torque.copy() for torque in carried], nothing)
+        for place, (each, own) in enumerate(zip(hypothesis.accepted, hypothesis.parts, strict=True)):
+            if effect(each.family.effect).DESCRIPTION.loads != loads:
+                continue
+            again = accepted[place] = replace(_again(there, each, shapes[place]), is_carried=loads)
+            if each.family.effect != PAYLOAD:
+                for torque, columns in zip(known, again.member.columns, strict=True):
+                    torque[:, list(again.member.rows)] += columns @ values[own]
+    return prepared.linearised_at(parameters, carried, beside), accepted
 
 
 def _again(prepared: Prepared, old: Candidate, shape: Mapping[str, float]) -> Candidate:
@@ -81,7 +88,7 @@ def _again(prepared: Prepared, old: Candidate, shape: Mapping[str, float]) -> Ca
         # A push's columns are of the motion alone.
         return old
     logged = [run.logged for run in prepared.runs]
-    family = effects()[old.family.effect].signature(logged, old.family.joint, old.family.into)
+    family = effect(old.family.effect).signature(logged, old.family.joint, old.family.into)
     member = family.at(shape)
     assert member is not None
     return candidate(prepared, family, member)

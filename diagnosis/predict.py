@@ -95,11 +95,19 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     parameters = inverse_dynamics(model.chain, model.parameters, *along)
     corrected = inverse_dynamics(model.chain, model.final, *along)
     corrected = _shifted(corrected, model.final_timing * logged.sample_rate)
-    for term in model.terms:
-        corrected += term_torque(term, logged)
+    for torque in _term_torques(model.terms, logged):
+        corrected += torque
     torques = (nominal, _shifted(parameters, model.parameters_timing * logged.sample_rate), corrected)
     # A log whose time stamps stray was resampled.
     return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
+
+
+def _term_torques(terms: Sequence[Term], logged: Logged) -> list[Array]:
+    """Each effect's torque along one run, (N, n) N·m: first of those that the load has."""
+    carried = [term_torque(each, logged) for each in terms if each.is_carried]
+    loaded = replace(logged, carried=np.sum([np.zeros_like(logged.q), *carried], axis=0))
+    loaded = replace(loaded, tau=loaded.predicted)
+    return [*carried, *(term_torque(each, loaded) for each in terms if not each.is_carried)]
 
 
 def term_torque(term: Term, logged: Logged) -> Array:

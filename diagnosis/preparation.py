@@ -83,14 +83,16 @@ class Prepared:
         """(14 n,) standard parameters of the model as given."""
         return self.robot.parameters
 
-    def linearised_at(self, parameters: Array, beside: Sequence[Array]) -> "Prepared":
+    def linearised_at(
+        self, parameters: Array, carried: Sequence[Array], beside: Sequence[Array]
+    ) -> "Prepared":
         """The same runs with the effects linearised about other standard parameters (14 n,).
 
-        beside: a run's torque (N, n) N·m of effects that are known already.
+        carried, beside: a run's torque (N, n) N·m of effects that are known already, as of Logged.
         """
         runs = (
-            replace(run, logged=replace(run.logged, parameters=parameters, beside=known))
-            for run, known in zip(self.runs, beside, strict=True)
+            replace(run, logged=replace(run.logged, parameters=parameters, carried=behind, beside=known))
+            for run, behind, known in zip(self.runs, carried, beside, strict=True)
         )
         return replace(self, runs=tuple(runs))
 

@@ -58,6 +58,8 @@ class Separation:
             tau=np.zeros_like(q),
             temperature=None,
             torque_command=None,
+            carried=None,
+            beside=None,
             reference_position=q,
             reference_velocity=dq,
             reference_acceleration=ddq,

@@ -1,11 +1,13 @@
 """Where effects are linearised: at the size of a delay, with a payload as part of the load."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from diagnosis.candidates import candidates
 from diagnosis.delay import likeliest_delay
-from diagnosis.evidence import fitted_to
+from diagnosis.evidence import fitted_to, squares
 from diagnosis.linearisation import first_linearised, linearised_anew
 from diagnosis.preparation import prepare
 from testbench.effects import parse_injection
@@ -56,6 +58,37 @@ def test_a_payload_loads_the_gearboxes(arm):
         assert np.std(run.logged.residual[:, 0]) < 0.1 * np.std(run.logged.tau[:, 0])
     by_hand = hypothesis.prepared.nominal + fitted.values[: len(hypothesis.prepared.nominal)]
     assert hypothesis.prepared.runs[0].logged.table[LAST, 9] > by_hand.reshape(arm.joints, -1)[LAST, 9] + 0.1
+
+
+def test_the_gearboxes_carry_a_spring(arm):
+    prepared = first_linearised(prepare(arm, _runs(arm, "gravity_spring:elbow:stiffness=5,phase=0.4")))
+    sine = next(c for c in candidates(prepared, only=["gravity_spring"]) if c.family.joint == LAST)
+    hypothesis, fitted = linearised_anew(*fitted_to(prepared, [sine]))
+    stiffness = np.hypot(*fitted.values[hypothesis.parts[0]])
+    for run in hypothesis.prepared.runs:
+        logged = run.logged
+        assert np.std(logged.residual[:, LAST]) < 0.1 * np.std(logged.tau[:, LAST])
+        spring = logged.load - replace(logged, carried=None).load
+        assert np.ptp(spring[:, LAST]) == pytest.approx(
+            stiffness * np.ptp(np.sin(0.4 - logged.q[:, LAST])), rel=0.1
+        )
+
+
+def test_a_gap_shows_once_a_tilted_base_is_part_of_what_the_gearbox_carries(arm):
+    injections = ("backlash:elbow:gap=0.003", "base_tilt::roll=0.06,pitch=0.04")
+    runs = simulated_runs(arm, [parse_injection(arm, text) for text in injections], runs=3, seed=3)
+    prepared = first_linearised(prepare(arm, runs))
+    tilt = candidates(prepared, only=["base_tilt"])[0]
+    gap = next(
+        each
+        for each in candidates(prepared, only=["backlash"])
+        if (each.family.joint, each.member.shape["gap"]) == (LAST, 0.0023)
+    )
+    hypothesis, before = fitted_to(prepared, [gap, tilt])
+    after = linearised_anew(hypothesis, before)[1]
+    assert before.values[hypothesis.parts[0]] == pytest.approx(0, abs=0.1)
+    assert after.values[hypothesis.parts[0]] == pytest.approx(1, abs=0.3)
+    assert squares(after.held_out)[LAST] < 0.5 * squares(before.held_out)[LAST]
 
 
 def test_what_is_known_is_not_looked_for_again(arm):

@@ -35,7 +35,8 @@ class EffectDescription:
 
     name: of the contract. title: for people. law: the formula. reference: where it comes from.
     scope: where it acts. parameters: in the order of the contract. laws: the variants simulation
-    offers, the default first. confused_with: names of effects that look alike.
+    offers, the default first. confused_with: names of effects that look alike. loads: it acts behind the
+    gearboxes, which carry its torque.
     """
 
     name: str
@@ -46,6 +47,7 @@ class EffectDescription:
     parameters: tuple[EffectParameter, ...]
     laws: tuple[str, ...] = ("default",)
     confused_with: tuple[str, ...] = ()
+    loads: bool = False
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ DESCRIPTION = EffectDescription(
         EffectParameter("pitch", "rad", -0.5, 0.5, (0.002, 0.05)),
     ),
     confused_with=("encoder_offset", "cable_spring", "gravity_spring"),
+    loads=True,
 )
 
 

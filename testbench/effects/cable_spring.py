@@ -41,6 +41,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("linear", "hysteretic"),
     confused_with=("gravity_spring", "asymmetric_friction", "base_tilt"),
+    loads=True,
 )
 
 # Of the hysteretic cable: friction in radians of spring, and the angle within which it yields.

@@ -40,6 +40,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("once_per_turn", "two_harmonics"),
     confused_with=("joint_elasticity", "transmission_ripple"),
+    loads=True,
 )
 SECOND_HARMONIC = 0.25
 

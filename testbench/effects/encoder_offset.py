@@ -19,6 +19,7 @@ DESCRIPTION = EffectDescription(
     scope=Scope.JOINT,
     parameters=(EffectParameter("offset", "rad", -0.5, 0.5, (0.0005, 0.05)),),
     confused_with=("base_tilt", "gravity_spring", "payload"),
+    loads=True,
 )
 
 

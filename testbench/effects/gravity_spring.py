@@ -41,6 +41,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("sine", "gas_spring"),
     confused_with=("cable_spring", "payload", "encoder_offset", "base_tilt"),
+    loads=True,
 )
 
 SINE, GAS_SPRING = DESCRIPTION.laws

@@ -34,8 +34,8 @@ class Logged:
     low-pass behind q, dq and ddq. q, dq, ddq: (N, n) filtered at the full rate. tau: (N, n) measured
     torque at the full rate. temperature: (N, n) degC. torque_command: (N, n) N·m. reference_position,
     reference_velocity, reference_acceleration: (N, n). body_rotation (3, 3), body_origin (3,) m: the last
-    body's frame in the last link's (``body_in_link``), which the contract tells a payload in. beside: (N, n)
-    N·m, torque of effects that are known already.
+    body's frame in the last link's (``body_in_link``), which the contract tells a payload in. carried:
+    (N, n) N·m, torque of effects behind the gearboxes that are known already. beside: likewise of all others.
     """
 
     chain: Chain
@@ -56,6 +56,7 @@ class Logged:
     reference_acceleration: Array | None = None
     body_rotation: Array = field(default_factory=lambda: np.eye(3))
     body_origin: Array = field(default_factory=lambda: np.zeros(3))
+    carried: Array | None = None
     beside: Array | None = None
 
     @property
@@ -70,8 +71,12 @@ class Logged:
 
     @cached_property
     def load(self) -> Array:
-        """Torque the gearboxes carry by the model: rigid body without rotors and friction, (N, n) N·m."""
-        return inverse_dynamics(self.chain, self._links, self.q, self.dq, self.ddq)
+        """Torque the gearboxes carry by the model: rigid body without rotors and friction, (N, n) N·m.
+
+        With what is known to act behind them.
+        """
+        rigid = inverse_dynamics(self.chain, self._links, self.q, self.dq, self.ddq)
+        return rigid if self.carried is None else rigid + self.carried
 
     @cached_property
     def friction(self) -> Array:
