@@ -19,14 +19,16 @@ SLOWEST_RIPPLE = 10.0
 class Accepted:
     """An effect taken in, with the rivals it was preferred to at its stage and their probabilities.
 
-    share: of some joint's held-out squared residual, the largest. worth: mean squares that it took off the
-    joints' residuals, each by its own torque, summed. named: whether it is larger than on any healthy robot.
-    is_trace: found by a trace that only shows beside every joint's imperfections.
+    score: log-likelihood that it added. share: of some joint's held-out squared residual, the largest. worth:
+    mean squares that it took off the joints' residuals, each by its own torque, summed. named: whether it is
+    larger than on any healthy robot. is_trace: found by a trace that only shows beside every joint's
+    imperfections.
     """
 
     candidate: Candidate
     probability: float
     rivals: tuple[tuple[Weighed, float], ...]
+    score: float
     share: float
     worth: float
     named: bool = True

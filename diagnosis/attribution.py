@@ -86,6 +86,8 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
         weighed = search.open(stage, proposals)
         accepted.append(_accepted(found, before, apart, sized, accepted, weighed))
         accepted = [replace(a, candidate=c) for a, c in zip(accepted, hypothesis.accepted, strict=True)]
+        if found.best.candidate.is_event:
+            accepted = _judged_again(base, sized, accepted, weighed)
         if taken_in.joint is None:
             apart = stage
         if found.is_trace:
@@ -130,11 +132,33 @@ def _accepted(
         candidate=best.candidate,
         probability=1.0 - sum(p for _, p in found.rivals),
         rivals=found.rivals,
+        score=best.score,
         share=float(stage.shares(best.gain).max()),
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
         named=beyond and main and found.is_certain(stage),
         is_trace=found.is_trace,
     )
+
+
+def _judged_again(
+    base: Ground, sized: Robot, accepted: Sequence[Accepted], rest: Sequence[Weighed]
+) -> list[Accepted]:
+    """What was taken in before a push, judged beside it: a push hides how much anything else explains.
+
+    The push is the last one. rest: as of ``_accepted``.
+    """
+    robots = [a.candidate for a in accepted if a.candidate.is_event or a.candidate.family.joint is None]
+    apart = Stage(base, *fitted_to(base.prepared, robots))
+    found = list(accepted)
+    for place, item in enumerate(accepted[:-1]):
+        others = [*found[:place], *found[place + 1 :]]
+        stage = Stage(base, *fitted_to(base.prepared, [a.candidate for a in others]))
+        gain = stage.gain(item.candidate)
+        if gain is not None:
+            trial = stage.with_effects([item.candidate])
+            best = Weighed(gain, gained(stage, gain))
+            found[place] = _accepted(Found(best, item.rivals, trial), stage, apart, sized, others, rest)
+    return found
 
 
 def _pruned(

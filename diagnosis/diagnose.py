@@ -39,7 +39,9 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     found = attribute(prepare(robot, recordings), without)
     prepared = found.prepared
     gap = _gap(found)
-    effects = tuple(_named(found, index) for index, item in enumerate(found.accepted) if item.named)
+    named = [index for index, item in enumerate(found.accepted) if item.named]
+    named.sort(key=lambda index: -found.accepted[index].score)
+    effects = tuple(_named(found, index) for index in named)
     verdict = _verdict(found, gap)
     hypothesis, fitted = found.hypothesis, found.fitted
     return Diagnosis(
@@ -141,7 +143,8 @@ def _named(found: Attribution, index: int) -> NamedEffect:
 
 def _probability(found: Attribution, index: int) -> float:
     """Of an effect taken in: against its rivals, times how often such a name is right."""
-    before = sum(item.named for item in found.accepted[:index])
+    score = found.accepted[index].score
+    before = sum(item.named and item.score > score for item in found.accepted)
     return found.accepted[index].probability * NAMED[min(before, len(NAMED) - 1)]
 
 

@@ -91,6 +91,20 @@ def test_a_long_delay_is_named_alone_whether_or_not_the_controller_shakes(arm, d
     assert abs(named.value - delay) < 3 * named.std
 
 
+def test_the_strongest_effect_comes_first_however_late_it_was_found(arm):
+    # Pushes are sought last.
+    friction = "stribeck_friction:shoulder:extra=0.6,velocity=0.2"
+    injections = [
+        parse_injection(arm, text)
+        for text in (friction, "external_contact:elbow:torque=20,start=1.5,duration=0.6")
+    ]
+    runs = simulated_runs(arm, injections[:1], runs=3) | {
+        "run_2": simulated_runs(arm, injections, runs=3)["run_2"]
+    }
+    found = [(each.effect, each.joint) for each in diagnose(arm, runs).effects]
+    assert found == [("external_contact", 1), ("stribeck_friction", 0)]
+
+
 def test_what_no_motion_foretells_is_unknown_where_it_stands_out(models):
     robot = load_robot(models / "tx90.xml")
     runs = {}
