@@ -53,6 +53,12 @@ class Candidate:
         return self.member.count
 
     @property
+    def shapes(self) -> int:
+        """How many shapes of its law are tried."""
+        of_its_law = sum(member.law == self.member.law for member in self.family.members)
+        return max(of_its_law, self.family.picked_from)
+
+    @property
     def is_event(self) -> bool:
         """Whether it belongs to the runs it was seen in, and not to the robot."""
         return self.family.effect == EVENT

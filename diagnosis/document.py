@@ -64,6 +64,7 @@ def diagnosis_document(
                 "effect": each.effect,
                 "joint": name(each.joint),
                 "probability": _number(each.probability),
+                "law": each.law,
                 "parameters": _parameters(each, name(each.into)),
                 "confusable_with": list(each.confusable_with),
                 "held_out_share": _number(each.held_out_share),

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from testbench.effects import effect
 from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
@@ -35,6 +36,11 @@ class NamedEffect:
     candidate: Candidate
     confusable_with: tuple[str, ...] = ()
     held_out_share: float = 0.0
+
+    @property
+    def law(self) -> str:
+        """The law of the catalogue that was fitted."""
+        return self.candidate.member.law or effect(self.effect).DESCRIPTION.laws[0]
 
 
 @dataclass(frozen=True)

@@ -82,9 +82,14 @@ def weigh(stage: Stage, bank: Bank) -> list[Weighed]:
             continue
         weighed = Weighed(gain, gained(stage, gain))
         place = gain.candidate.place
-        if place not in families or weighed.score > families[place].score:
+        if place not in families or _likeliness(weighed) > _likeliness(families[place]):
             families[place] = weighed
     return sorted(families.values(), key=lambda w: -w.score)
+
+
+def _likeliness(weighed: Weighed) -> float:
+    """What members of a family are compared by: of many shapes of a law one fits by chance."""
+    return weighed.score - float(np.log(weighed.candidate.shapes))
 
 
 def odds(log_likelihoods: Sequence[float], explained: float) -> Array:

@@ -113,7 +113,7 @@ def injection_of(named: NamedEffect) -> Injection:
             parameter.name: float(np.clip(values[parameter.name], parameter.lower, parameter.upper))
             for parameter in description.parameters
         },
-        law=named.candidate.member.law or description.laws[0],
+        law=named.law,
         into=named.into,
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from .candidates import Candidate, candidate
+from .candidates import candidate
 from .evidence import Design, Fit
 from .likelihood import Weighed, gained, log_likelihood, odds
 from .preparation import Prepared
@@ -33,7 +33,7 @@ def choose(
     trials = [stage.with_effects([w.candidate]) for w in shortlist]
     # Of many shapes one is the likelier to fit by chance.
     likelihoods = [
-        log_likelihood(*trial) - float(np.log(_shapes(weighed.candidate)))
+        log_likelihood(*trial) - float(np.log(weighed.candidate.shapes))
         for weighed, trial in zip(shortlist, trials, strict=True)
     ]
     first = int(np.argmax(likelihoods))
@@ -46,12 +46,6 @@ def choose(
     probability = odds([likelihoods[index] for index in kept], shortlist[first].score)
     rivals = zip((shortlist[index] for index in kept[1:]), probability[1:].tolist(), strict=True)
     return shortlist[first], tuple(sorted(rivals, key=lambda r: -r[1])), trials[first]
-
-
-def _shapes(tried: Candidate) -> int:
-    """How many shapes of its law were tried."""
-    of_its_law = sum(member.law == tried.member.law for member in tried.family.members)
-    return max(of_its_law, tried.family.picked_from)
 
 
 def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:

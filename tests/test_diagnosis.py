@@ -56,6 +56,15 @@ def test_the_effect_and_its_joint_are_named_and_the_gap_closes(arm, text, joint)
     assert closed > 0.8
 
 
+@pytest.mark.parametrize(("law", "stiffness"), [("sine", 3.0), ("gas_spring", 6.0)])
+def test_a_spring_is_named_with_its_law_and_size(arm, law, stiffness):
+    text = f"gravity_spring:elbow:stiffness={stiffness},phase=0.7,law={law}"
+    first = _diagnosis(arm, text).effects[0]
+    assert (first.effect, first.joint, first.law) == ("gravity_spring", 1, law)
+    named = first.parameters["stiffness"]
+    assert named.value == pytest.approx(stiffness, abs=max(3 * named.std, 0.02 * stiffness))
+
+
 def test_what_re_identification_swallows_is_found_in_the_shift_of_the_parameters(arm):
     found = _diagnosis(arm, "asymmetric_friction:elbow:offset=0.4,viscous_difference=0")
     assert (found.effects[0].effect, found.effects[0].joint) == ("asymmetric_friction", 1)

@@ -44,10 +44,10 @@ def quantity(value: Quantity) -> str:
 
 
 def parameters(named: NamedEffect) -> str:
-    """All parameters of a named effect on one line."""
-    return ", ".join(
-        f"{name.replace('_', ' ')} {quantity(value)}" for name, value in named.parameters.items()
-    )
+    """All parameters of a named effect on one line, after its law where that is not the effect's first."""
+    law = named.candidate.member.law
+    values = [f"{name.replace('_', ' ')} {quantity(value)}" for name, value in named.parameters.items()]
+    return ("" if law is None else f"{law.replace('_', ' ')}, ") + ", ".join(values)
 
 
 def where(diagnosis: Diagnosis, most: int = 3) -> str:
