@@ -72,6 +72,8 @@ HEALTHY: Mapping[str, float] = {
     "external_contact": 0.0,
 }
 HEALTHY_ELSE = 0.8
+# Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
+BRISTLES, SMALLEST_LEVEL = "presliding_hysteresis", 0.55
 # Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
 LARGEST = 3.0
 BOUNDED = (
@@ -171,7 +173,10 @@ def _is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
 
 def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
     """Whether an effect is larger than what a healthy robot has of it; arguments as of ``size``."""
-    healthy = HEALTHY.get(candidate.family.effect, HEALTHY_ELSE)
+    name, joint = candidate.family.effect, candidate.family.joint
+    if name == BRISTLES and coefficients[0] < SMALLEST_LEVEL * scale_of("coulomb", robot, joint):
+        return False
+    healthy = HEALTHY.get(name, HEALTHY_ELSE)
     return size(robot, torque_scale, candidate, coefficients) > healthy
 
 
