@@ -145,12 +145,14 @@ def _judged_again(
 ) -> list[Accepted]:
     """What was taken in before a push, judged beside it: a push hides how much anything else explains.
 
-    The push is the last one. rest: as of ``_accepted``.
+    The push is the last one; limits are judged where they are sought. rest: as of ``_accepted``.
     """
     robots = [a.candidate for a in accepted if a.candidate.is_event or a.candidate.family.joint is None]
     apart = Stage(base, *fitted_to(base.prepared, robots))
     found = list(accepted)
     for place, item in enumerate(accepted[:-1]):
+        if item.candidate.family.effect == SATURATION:
+            continue
         others = [*found[:place], *found[place + 1 :]]
         stage = Stage(base, *fitted_to(base.prepared, [a.candidate for a in others]))
         gain = stage.gain(item.candidate)
