@@ -9,7 +9,7 @@ prior of prior.py, nu how many parameters the runs can move; the timing error ha
 effect that re-identification swallows shows in the prior alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,11 +74,11 @@ def log_likelihood(hypothesis: Design, fitted: Fit) -> float:
     return held_out + float(log_prior(hypothesis, fitted.values))
 
 
-def weigh(stage: Stage, bank: Bank) -> list[Weighed]:
-    """Each family's best member, best first."""
+def weigh(stage: Stage, bank: Bank, allowed: Callable[[Gain], bool] = lambda gain: True) -> list[Weighed]:
+    """Each family's best member among those allowed, best first."""
     families: dict[Place, Weighed] = {}
     for gain in stage.gains(bank):
-        if gain is None:
+        if gain is None or not allowed(gain):
             continue
         weighed = Weighed(gain, gained(stage, gain))
         place = gain.candidate.place

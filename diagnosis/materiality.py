@@ -188,7 +188,7 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
             value = np.asarray(values[parameter.name].value)
             if np.any(value < parameter.lower) or np.any(value > parameter.upper):
                 return False
-    if family.effect in BOUNDED:
+    if family.effect in BOUNDED or candidate.member.law is not None:
         parameter = effect(family.effect).DESCRIPTION.parameters[0]
         mild, severe = typical_range(parameter, robot, family.joint)
         amount = _number(values[parameter.name])

@@ -16,7 +16,7 @@ from .saturation import Cut, saturation
 from .shortlist import choose
 from .swallowed import swallowed
 from .unclaimed import unclaimed
-from .weighing import Bank, Stage
+from .weighing import Bank, Gain, Stage
 
 # Three standard deviations of what shows in the parameters' shift, which tells beside them.
 SWALLOWED_WALD = 9.0
@@ -66,9 +66,15 @@ class Search:
     def open(self, stage: Stage, proposals: Bank) -> list[Weighed]:
         """Every effect that may still be taken in, best first."""
         taken = {each.place for each in stage.hypothesis.accepted}
+
+        def allowed(gain: Gain) -> bool:
+            # A law beside an effect's first stands back for it where it is none that is met.
+            law = gain.candidate.member.law
+            return law is None or is_plausible(self.sized, gain.candidate, gain.coefficients)
+
         return [
             w
-            for w in weigh(stage, proposals)
+            for w in weigh(stage, proposals, allowed)
             if w.candidate.place not in taken and is_plausible(self.sized, w.candidate, w.gain.coefficients)
         ]
 
