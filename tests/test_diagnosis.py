@@ -56,7 +56,7 @@ def test_the_effect_and_its_joint_are_named_and_the_gap_closes(arm, text, joint)
     assert closed > 0.8
 
 
-@pytest.mark.parametrize(("law", "stiffness"), [("sine", 3.0), ("gas_spring", 6.0)])
+@pytest.mark.parametrize(("law", "stiffness"), [("sine", 3.0), ("gas_spring", 2.0)])
 def test_a_spring_is_named_with_its_law_and_size(arm, law, stiffness):
     text = f"gravity_spring:elbow:stiffness={stiffness},phase=0.7,law={law}"
     first = _diagnosis(arm, text).effects[0]
