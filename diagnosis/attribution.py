@@ -154,7 +154,7 @@ def _judged_again(
         if item.candidate.family.effect == SATURATION:
             continue
         others = [*found[:place], *found[place + 1 :]]
-        stage = Stage(base, *fitted_to(base.prepared, [a.candidate for a in others]))
+        stage = Stage(base, *_without(base, found, place))
         gain = stage.gain(item.candidate)
         if gain is not None:
             trial = stage.with_effects([item.candidate])
@@ -163,15 +163,17 @@ def _judged_again(
     return found
 
 
+def _without(base: Ground, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
+    """The hypothesis without one of its effects, fitted in full."""
+    return fitted_to(base.prepared, [a.candidate for k, a in enumerate(accepted) if k != place])
+
+
 def _pruned(
     base: Ground, sized: Robot, accepted: list[Accepted], hypothesis: Design, fitted: Fit
 ) -> tuple[list[Accepted], Design, Fit]:
     """Take out, one by one, what is no longer material beside the others."""
     while len(accepted) > 1:
-        rest = [
-            fitted_to(base.prepared, [a.candidate for k, a in enumerate(accepted) if k != leave])
-            for leave in range(len(accepted))
-        ]
+        rest = [_without(base, accepted, place) for place in range(len(accepted))]
         worth = []
         for item, trial in zip(accepted, rest, strict=True):
             stage = Stage(base, *trial)

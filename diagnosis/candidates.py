@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbench.effects import effects
-from testbench.effects.signature import Family, Member, places
+from testbench.effects.signature import Family, Member, over_all_joints, places
 
 from .preparation import Prepared
 
@@ -42,10 +42,7 @@ class Candidate:
     @cached_property
     def columns(self) -> tuple[Array, ...]:
         """A run each, (M, n, k): filtered, and zero where the effect does not reach."""
-        spread = [np.zeros((len(run), self.joints, self.count)) for run in self.filtered]
-        for whole, run in zip(spread, self.filtered, strict=True):
-            whole[:, list(self.member.rows)] = run
-        return tuple(spread)
+        return tuple(over_all_joints(run, self.member.rows, self.joints) for run in self.filtered)
 
     @property
     def count(self) -> int:

@@ -8,19 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from testbench.effects import effects
+from testbench.effects import effect
 
-from .evidence import (
-    DELAY,
-    Design,
-    Fit,
-    Normal,
-    bounds,
-    design,
-    log_prior,
-    scaled_precision,
-    solve,
-)
+from .evidence import DELAY, Design, Fit, Normal, bounds, design, log_prior, scaled_precision, solve
 from .ground import ground
 from .likelihood import log_of_squares
 from .preparation import Run
@@ -37,7 +27,7 @@ def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
     hypothesis: with the delay as one of its effects, or without.
     """
     shifted = _Shifted(hypothesis, fitted)
-    tried = np.arange(0.0, effects()[DELAY].DESCRIPTION.parameters[0].upper, STEP)
+    tried = np.arange(0.0, effect(DELAY).DESCRIPTION.parameters[0].upper, STEP)
     nearest = tried[np.argmax([shifted.fit(delay)[0] for delay in tried])]
     found = minimize_scalar(
         lambda delay: -shifted.fit(delay)[0],

@@ -66,19 +66,25 @@ def _linearised(
     for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         if each.family.effect == PAYLOAD:
             parameters[PER_JOINT * (prepared.joints - 1) :][:INERTIAL] += values[own]
-    nothing = [np.zeros_like(run.logged.tau) for run in prepared.runs]
-    carried, beside = ([torque.copy() for torque in nothing] for _ in range(2))
     accepted = list(hypothesis.accepted)
-    # What the gearboxes carry is known before what depends on it.
-    for known, loads in ((carried, True), (beside, False)):
-        there = prepared.linearised_at(parameters, [torque.copy() for torque in carried], nothing)
+
+    def again(there: Prepared, loads: bool) -> list[Array]:
+        """The effects that load the gearboxes, or the others, recomputed; their torque, a run (N, n)."""
+        known = [np.zeros_like(run.logged.tau) for run in prepared.runs]
         for place, (each, own) in enumerate(zip(hypothesis.accepted, hypothesis.parts, strict=True)):
             if effect(each.family.effect).DESCRIPTION.loads != loads:
                 continue
-            again = accepted[place] = replace(_again(there, each, shapes[place]), is_carried=loads)
+            accepted[place] = replace(_again(there, each, shapes[place]), is_carried=loads)
+            member = accepted[place].member
             if each.family.effect != PAYLOAD:
-                for torque, columns in zip(known, again.member.columns, strict=True):
-                    torque[:, list(again.member.rows)] += columns @ values[own]
+                for torque, columns in zip(known, member.columns, strict=True):
+                    torque[:, list(member.rows)] += columns @ values[own]
+        return known
+
+    nothing = [np.zeros_like(run.logged.tau) for run in prepared.runs]
+    # What the gearboxes carry is known before what depends on it.
+    carried = again(prepared.linearised_at(parameters, nothing, nothing), loads=True)
+    beside = again(prepared.linearised_at(parameters, carried, nothing), loads=False)
     return prepared.linearised_at(parameters, carried, beside), accepted
 
 

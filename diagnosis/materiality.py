@@ -45,9 +45,9 @@ SECOND_LEFT, SECOND_TORQUE, SECOND_PROMINENT = 0.5, 0.02, 8.0
 STANDING_OUT, PROMINENT = 0.2, 3.0
 # Wald's statistic of what is named: five standard deviations.
 SMALLEST_WALD = 25.0
-# Friction that its joint's own parameters swallow leaves little, however large it is, and a
-# delay leaves a little at every joint: the size tells, where so many standard deviations less of it are still
-# beyond a healthy robot's.
+# Friction that its joint's own parameters swallow leaves little, however large it is, and a delay leaves a
+# little at every joint: the size tells, where so many standard deviations less of it are still beyond a
+# healthy robot's.
 TOLD_BY_SIZE = ("load_dependent_friction", "nonlinear_viscous_friction", DELAY)
 SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of

@@ -105,9 +105,10 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
 def _term_torques(terms: Sequence[Term], logged: Logged) -> list[Array]:
     """Each effect's torque along one run, (N, n) N·m: first of those that the load has."""
     carried = [term_torque(each, logged) for each in terms if each.is_carried]
-    loaded = replace(logged, carried=np.sum([np.zeros_like(logged.q), *carried], axis=0))
-    loaded = replace(loaded, tau=loaded.predicted)
-    return [*carried, *(term_torque(each, loaded) for each in terms if not each.is_carried)]
+    if carried:
+        logged = replace(logged, carried=np.sum(carried, axis=0))
+        logged = replace(logged, tau=logged.predicted)
+    return [*carried, *(term_torque(each, logged) for each in terms if not each.is_carried)]
 
 
 def term_torque(term: Term, logged: Logged) -> Array:

@@ -23,7 +23,15 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .passive_device import passive_device
-from .signature import Family, Logged, Member, Quantity, amplitude_and_phase, single_joint
+from .signature import (
+    Family,
+    Logged,
+    Member,
+    Quantity,
+    amplitude_and_phase,
+    coefficients_as_named,
+    single_joint,
+)
 
 Array = NDArray[np.float64]
 
@@ -98,11 +106,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
 def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
     if member.law == GAS_SPRING:
-        deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        return {
-            "stiffness": Quantity(float(c[0]), float(deviations[0]), "N·m"),
-            "phase": Quantity(member.shape["phase"], float(deviations[1]), "rad"),
-        }
+        return coefficients_as_named(DESCRIPTION, ("stiffness",))(member, c, covariance)
     stiffness, stiffness_std, phase, phase_std = amplitude_and_phase(
         float(c[0]), float(c[1]), covariance[:2, :2]
     )

@@ -57,10 +57,14 @@ class Member:
 
     def spread(self, run: int, joints: int) -> Array:
         """The columns of one run over all joints, (N, n, k); zero where the effect does not reach."""
-        columns = self.columns[run]
-        out = np.zeros((len(columns), joints, self.count))
-        out[:, list(self.rows)] = columns
-        return out
+        return over_all_joints(self.columns[run], self.rows, joints)
+
+
+def over_all_joints(columns: Array, rows: Sequence[int], joints: int) -> Array:
+    """Columns (N, r, k) at some joints over all, (N, joints, k); zero elsewhere."""
+    out = np.zeros((len(columns), joints, columns.shape[2]))
+    out[:, list(rows)] = columns
+    return out
 
 
 @dataclass(frozen=True)
