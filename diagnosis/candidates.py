@@ -73,7 +73,9 @@ class Candidate:
 
 def candidate(prepared: Prepared, family: Family, member: Member) -> Candidate:
     """A member with its columns filtered for every run."""
-    filtered = [run.filtered(columns) for run, columns in zip(prepared.runs, member.columns, strict=True)]
+    filtered = [
+        run.filtered(columns, member.rows) for run, columns in zip(prepared.runs, member.columns, strict=True)
+    ]
     return Candidate(family, member, tuple(filtered), prepared.joints)
 
 

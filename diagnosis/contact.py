@@ -63,7 +63,7 @@ def contact(
     for gain in _of_each_load(stage, bank):
         trial, link = stage.with_effects([gain.candidate]), gain.candidate.family.joint
         left = squares(trial[1].residual) / np.maximum(before, 1e-300)
-        weighed = Weighed(gain, log_of_squares(stage.counts, left) - gain.candidate.count)
+        weighed = Weighed(gain, log_of_squares(stage.independent, left) - gain.candidate.count)
         assert link is not None
         if np.max(1 - left) <= SMALLEST_SHARE:
             continue

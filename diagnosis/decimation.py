@@ -48,6 +48,17 @@ class DecimatingFilter:
         return out.reshape(-1, *columns.shape[1:])
 
 
+def decimating_filters(sample_rate: float, cutoffs: Array) -> tuple[DecimatingFilter, ...]:
+    """One filter for each cut-off, Hz, that all keep the same samples; equal cut-offs share one."""
+    step = decimation_step(sample_rate, float(np.max(cutoffs)))
+    taps = {cutoff: decimating_filter(sample_rate, cutoff).taps for cutoff in set(cutoffs.tolist())}
+    reach = max(len(each) // 2 for each in taps.values())
+    made = {
+        cutoff: DecimatingFilter(np.pad(each, reach - len(each) // 2), step) for cutoff, each in taps.items()
+    }
+    return tuple(made[cutoff] for cutoff in cutoffs.tolist())
+
+
 def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
     """The filter of a sample rate and cut-off, Hz."""
     reach = int(np.ceil(REACH_PERIODS * sample_rate / cutoff))

@@ -71,7 +71,7 @@ class _Shifted:
                 for j in joints
             ]
         )
-        likelihood = log_of_squares(self.hypothesis.counts, squares)
+        likelihood = log_of_squares(self.hypothesis.independent, squares)
         return likelihood + float(log_prior(self.hypothesis, values)), values
 
 
@@ -80,4 +80,4 @@ def _moved(run: Run, delay: float) -> Array:
     instants = np.arange(run.logged.samples)
     before = instants - delay * run.logged.sample_rate
     torque = np.column_stack([np.interp(before, instants, each) for each in run.logged.tau.T])
-    return run.filtered(torque - run.logged.tau)
+    return run.filtered(torque - run.logged.tau, range(torque.shape[1]))

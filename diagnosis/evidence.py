@@ -24,6 +24,9 @@ from .preparation import Prepared
 
 Array = NDArray[np.float64]
 
+# Independent samples per decimated one: the widest low-pass leaves about a quarter of the decimated band to
+# noise, and what is left beside noise is coloured too.
+INDEPENDENT = 0.25
 RIDGE = 1e-12
 WEIGHT_PASSES = 3
 # Misfit can be coloured without end; a joint must not lose its say altogether over it.
@@ -63,6 +66,11 @@ class Design:
     def counts(self) -> Array:
         """How many samples of each joint count, (n,)."""
         return np.sum([np.sum(used, axis=0) for used in self.used], axis=0).astype(np.float64)
+
+    @property
+    def independent(self) -> Array:
+        """How many independent samples that is, (n,)."""
+        return INDEPENDENT * self.prepared.band * self.counts
 
     @property
     def parts(self) -> tuple[slice, ...]:

@@ -30,7 +30,9 @@ class Ground:
         self.torque_rms = np.sqrt(np.mean(torque**2, axis=0))
         self.precision = np.append(parameter_widths(prepared.nominal, self.torque_rms), TIMING) ** -2.0
         self.columns = tuple(
-            np.concatenate([run.rows, -run.filtered(run.logged.predicted_rate)[:, :, None]], axis=2)
+            np.concatenate(
+                [run.rows, -run.filtered(run.logged.predicted_rate, range(self.joints))[:, :, None]], axis=2
+            )
             for run in prepared.runs
         )
         self.gap = tuple(run.torque - run.rows @ prepared.nominal for run in prepared.runs)

@@ -34,7 +34,7 @@ def sample_regimes(
     """
     v, a = run.dq[:, joint], run.ddq[:, joint]
     speed, hard = np.abs(v) / top_speed, np.abs(a) / top_acceleration
-    load = np.abs(run.filtered(run.logged.load[:, joint]))
+    load = np.abs(run.filtered(run.logged.load[:, [joint]], [joint])[:, 0])
     third = np.clip((3 * (run.q[:, joint] - span[0]) / max(span[1] - span[0], 1e-12)).astype(int), 0, 2)
     middle = np.median(run.time)
     return {
@@ -79,7 +79,7 @@ def regime_shares(
         np.concatenate([getattr(run, name)[u, joint] for run, u in zip(runs, ok, strict=True)])
         for name in ("q", "dq")
     )
-    cutoff = min(filter_cutoff(run.logged.sample_rate) for run in runs)
+    cutoff = min(filter_cutoff(run.logged.sample_rate) for run in runs) * float(prepared.band[joint])
     slide = bool(prepared.robot.chain.is_slide[joint])
     period = periodic_share(position, velocity, left, block, cutoff, slide)
     return [

@@ -40,7 +40,7 @@ def _repetition(run: Run) -> Array | None:
     if period is None:
         return None
     # Whole steps of the decimated grid only.
-    step = run.filter.step
+    step = run.filters[0].step
     if period % step:
         return None
     lag = period // step
@@ -80,9 +80,7 @@ def _quiet_band(run: Run) -> Array:
     frequency, density = signal.welch(run.logged.residual, rate, nperseg=length, axis=0, average="median")
     seen = (frequency >= QUIET * band_top) & (frequency <= HIGHEST * rate)
     if seen.sum() < FEWEST:
-        return density[-1] * rate / 2 * float(np.sum(run.filter.taps**2))
-    # What the filter lets pass of a density at each frequency.
-    passed = np.abs(np.fft.rfft(run.filter.taps, 2 * (len(frequency) - 1))) ** 2
+        return density[-1] * rate / 2 * np.array([np.sum(each.taps**2) for each in run.filters])
     step = frequency[1] - frequency[0]
     found = np.empty(density.shape[1])
     for joint, own in enumerate(np.log(np.maximum(density[seen], 1e-300)).T):
@@ -92,5 +90,7 @@ def _quiet_band(run: Run) -> Array:
             np.sum(np.abs(own - shape[seen] - level)) for shape, level in zip(shapes, levels, strict=True)
         ]
         best = int(np.argmin(misfit))
+        # What the filter lets pass of a density at each frequency.
+        passed = np.abs(np.fft.rfft(run.filters[joint].taps, 2 * (len(frequency) - 1))) ** 2
         found[joint] = np.sum(np.exp(levels[best] + shapes[best]) * passed) * step
     return found

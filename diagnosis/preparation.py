@@ -14,18 +14,20 @@ from identification.errors import InputError
 from identification.models import POSITION_BAND, Preprocessing
 from identification.parameters import PER_JOINT
 from identification.regressor import regressor
+from identification.signals import Motion
 from testbench.effects.logged import Logged, body_in_link
 from testbench.identify import motion
 from testbench.log import CHANNELS, Recording
 from testbench.robot import Robot
 
-from .decimation import DecimatingFilter, decimating_filter
+from .band import joint_bands
+from .decimation import DecimatingFilter, decimating_filters
 
 Array = NDArray[np.float64]
 
 # Hz; logs are not looked at faster.
 FAST = 1000.0
-# The band in which gaps are sought, and how slow a joint must be for its friction's sign to be unknown.
+# The widest band in which gaps are sought; how slow a joint must be for its friction's sign to be unknown.
 CUTOFF = 20.0
 DEAD_ZONE = 0.02
 # The filter smears a wrong sign over half a cut-off period to either side.
@@ -39,15 +41,14 @@ BLOCKS = 3
 class Run:
     """One run ready for fitting; M decimated samples, n joints, SI units at the joint.
 
-    name: the log's. logged: full-rate signals with the model's prediction. filter: of torque and
-    columns alike. kept: (M,) indices of the
-    decimated samples. time: (M,) s. q, dq, ddq: (M, n). torque: (M, n) filtered.
-    rows: (M, n, 14 n) filtered standard regressor. used: (M, n) bool, away from rest.
+    name: the log's. logged: full-rate signals with the model's prediction. filters: (n,) of each joint's
+    torque and columns alike. kept: (M,) indices of the decimated samples. time: (M,) s. q, dq, ddq: (M, n).
+    torque: (M, n), rows: (M, n, 14 n) standard regressor, both filtered. used: (M, n) bool, away from rest.
     """
 
     name: str
     logged: Logged
-    filter: DecimatingFilter
+    filters: tuple[DecimatingFilter, ...]
     kept: NDArray[np.int64]
     time: Array
     q: Array
@@ -57,20 +58,25 @@ class Run:
     rows: Array
     used: NDArray[np.bool_]
 
-    def filtered(self, columns: Array) -> Array:
-        """Full-rate columns (N, ...) through the torque's filter and decimation, (M, ...)."""
-        return self.filter(columns)
+    def filtered(self, columns: Array, joints: Sequence[int]) -> Array:
+        """Columns (N, r, ...) of r joints at full rate, filtered and decimated like the torque."""
+        own = [self.filters[joint] for joint in joints]
+        if len(set(map(id, own))) <= 1:
+            return own[0](columns) if own else columns[self.kept]
+        return np.stack([each(columns[:, place]) for place, each in enumerate(own)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
     """All runs, and the folds that are left out in turn.
 
-    folds: per fold, the run's index and the samples (into its M) that belong to it.
+    folds: per fold, the run's index and the samples (into its M) that belong to it. band: (n,) of the widest
+    band, the share that each joint's filter leaves.
     """
 
     robot: Robot
     runs: tuple[Run, ...]
+    band: Array
     folds: tuple[tuple[int, slice], ...]
 
     @property
@@ -106,13 +112,17 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     """Filter every run and write its equations. Raises InputError for runs that are too short."""
     if not recordings:
         raise InputError("diagnose", "logs", "at least one", 0)
-    runs = tuple(_run(robot, name, recording) for name, recording in recordings.items())
+    thin = {name: thinned(recording) for name, recording in recordings.items()}
+    motions = {name: motion(recording) for name, recording in thin.items()}
+    widest = max(filter_cutoff(each.sample_rate) for each in motions.values())
+    bands = joint_bands(robot, list(motions.values()), widest)
+    runs = tuple(_run(robot, name, thin[name], motions[name], bands) for name in thin)
     if len(runs) > 1:
         folds = tuple((index, slice(0, len(run.time))) for index, run in enumerate(runs))
     else:
         edges = np.linspace(0, len(runs[0].time), BLOCKS + 1).astype(int)
         folds = tuple((0, slice(int(a), int(b))) for a, b in itertools.pairwise(edges))
-    return Prepared(robot, runs, folds)
+    return Prepared(robot, runs, bands / widest, folds)
 
 
 def thinned(recording: Recording) -> Recording:
@@ -132,20 +142,22 @@ def thinned(recording: Recording) -> Recording:
     return replace(recording, sample_rate=recording.sample_rate / count, **channels)
 
 
-def _run(robot: Robot, name: str, recording: Recording) -> Run:
-    recording = thinned(recording)
-    raw = motion(recording)
+def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Array) -> Run:
+    """One run. recording: thinned. raw: its motion. bands: (n,) Hz."""
     rate = raw.sample_rate
     cutoff = filter_cutoff(rate)
     signals = differentiate(raw, "butterworth_central", POSITION_BAND * cutoff)
     samples = len(signals.q)
-    low_pass = decimating_filter(rate, cutoff)
-    kept = low_pass.kept(samples)
+    cutoffs = np.minimum(bands, cutoff)
+    filters = decimating_filters(rate, cutoffs)
+    kept = filters[0].kept(samples)
     if len(kept) < SMALLEST_RUN:
-        needed = 2 * low_pass.reach + SMALLEST_RUN * low_pass.step
-        raise InputError(name, "time", f"at least {needed} samples for a {cutoff:g} Hz filter", samples)
-    reach = 2 * round(REACH_PERIODS * rate / cutoff) + 1
-    resting = maximum_filter1d(np.abs(signals.dq) <= DEAD_ZONE, reach, axis=0)
+        needed = 2 * filters[0].reach + SMALLEST_RUN * filters[0].step
+        lowest = float(cutoffs.min())
+        raise InputError(name, "time", f"at least {needed} samples for a {lowest:.3g} Hz filter", samples)
+    slow = np.abs(signals.dq) <= DEAD_ZONE
+    reaches = 2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1
+    resting = np.column_stack([maximum_filter1d(*each) for each in zip(slow.T, reaches, strict=True)])
     same_grid = len(recording.time) == samples
     body_rotation, body_origin = body_in_link(robot, robot.joints - 1)
     logged = Logged(
@@ -174,17 +186,18 @@ def _run(robot: Robot, name: str, recording: Recording) -> Run:
     for joint in range(robot.joints):
         # Links before the joint never load it.
         loaded = slice(PER_JOINT * joint, None)
-        filtered[:, joint, loaded] = low_pass(rows[:, joint, loaded])
-    return Run(
+        filtered[:, joint, loaded] = filters[joint](rows[:, joint, loaded])
+    run = Run(
         name=name,
         logged=logged,
-        filter=low_pass,
+        filters=filters,
         kept=kept,
         time=kept / rate,
         q=signals.q[kept],
         dq=signals.dq[kept],
         ddq=signals.ddq[kept],
-        torque=low_pass(signals.tau),
+        torque=np.zeros((len(kept), robot.joints)),
         rows=filtered,
         used=~resting[kept],
     )
+    return replace(run, torque=run.filtered(signals.tau, range(robot.joints)))

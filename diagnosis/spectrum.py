@@ -47,7 +47,7 @@ def band_shares(
         [_in_bands(run.torque[:, joint], u, _rate(run))[u] ** 2 for run, u in zip(runs, used, strict=True)]
     )
     weights = np.array([float(u.sum()) for u in used])
-    white = np.average([_white(run) for run in runs], axis=0, weights=weights)
+    white = np.average([_white(run, joint) for run in runs], axis=0, weights=weights)
     expected = np.maximum(white, torque.sum(axis=0) / max(float(torque.sum()), SMALLEST))
     sums: Array = np.stack([np.bincount(block, column) for column in squares.T], axis=1)
     total = sums.sum(axis=0)
@@ -64,6 +64,25 @@ def band_shares(
     return found
 
 
+def slow_share(
+    runs: Sequence[Run], joint: int, residual: Sequence[Array], used: Sequence[Mask]
+) -> tuple[float, float]:
+    """The share of a joint's squared residual in all bands but the highest, and white noise's.
+
+    residual, used: a run, (M,), some of it used.
+    """
+    squares = np.sum(
+        [
+            np.sum(_in_bands(r, u, _rate(run))[u] ** 2, axis=0)
+            for run, r, u in zip(runs, residual, used, strict=True)
+        ],
+        axis=0,
+    )
+    weights = [float(u.sum()) for u in used]
+    white = np.average([_white(run, joint) for run in runs], axis=0, weights=weights)
+    return 1 - float(squares[-1] / max(float(squares.sum()), SMALLEST)), 1 - float(white[-1])
+
+
 def band_names() -> tuple[str, ...]:
     """The bands in words, from low to high."""
     between = [f"{a:g} to {b:g} Hz" for a, b in pairwise(EDGES)]
@@ -72,7 +91,7 @@ def band_names() -> tuple[str, ...]:
 
 def _rate(run: Run) -> float:
     """Samples a second after decimation."""
-    return run.logged.sample_rate / run.filter.step
+    return run.logged.sample_rate / run.filters[0].step
 
 
 def _in_bands(values: Array, used: Mask, rate: float) -> Array:
@@ -90,10 +109,10 @@ def _in_bands(values: Array, used: Mask, rate: float) -> Array:
     return idct(dct(bridged, norm="ortho")[:, None] * members, axis=0, norm="ortho")
 
 
-def _white(run: Run) -> Array:
-    """Each band's share of white noise behind the run's low-pass, (bands,)."""
+def _white(run: Run, joint: int) -> Array:
+    """Each band's share of white noise behind the joint's low-pass, (bands,)."""
     length = 1 << int(np.ceil(np.log2(8 * run.logged.sample_rate)))
-    passed = np.abs(np.fft.rfft(run.filter.taps, length)) ** 2
+    passed = np.abs(np.fft.rfft(run.filters[joint].taps, length)) ** 2
     band = np.digitize(np.fft.rfftfreq(length, 1 / run.logged.sample_rate), EDGES)
     shares = np.bincount(band, passed, minlength=len(EDGES) + 1)
     return shares / shares.sum()

@@ -125,7 +125,7 @@ class Stage:
             for f, apart in enumerate(self.apart)
         ]
         self.held_squares: Array = np.sum([[np.sum(part**2) for part in fold] for fold in self.held], axis=0)
-        self.counts = hypothesis.counts
+        self.counts, self.independent = hypothesis.counts, hypothesis.independent
         self._weighed: WeakKeyDictionary[Bank, list[Gain | None]] = WeakKeyDictionary()
 
     def with_effects(self, more: Sequence[Candidate]) -> tuple[Design, Fit]:

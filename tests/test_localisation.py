@@ -34,7 +34,7 @@ def shares(prepared: Prepared, torque: Torque, seed: int = 0) -> list[RegimeShar
     residual = []
     for run in prepared.runs:
         values = np.zeros_like(run.torque)
-        values[:, JOINT] = run.filtered(torque(run, rng)[:, None])[:, 0]
+        values[:, JOINT] = run.filtered(torque(run, rng)[:, None], [JOINT])[:, 0]
         residual.append(np.where(run.used, values, 0.0))
     return regime_shares(prepared, residual, [run.used for run in prepared.runs], JOINT)
 

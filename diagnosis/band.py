@@ -1,0 +1,66 @@
+"""The band of each joint in which gaps are sought: as wide as what its encoders' noise leaves to be seen.
+
+Acceleration from a noisy position, times inertia, is a torque that nobody applied: its density rises with the
+fourth power of the frequency. Where it is let in, effects that act like smoothing (a delay, an elasticity)
+seem to take it away again.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from identification.inverse_dynamics import inverse_dynamics
+from identification.signals import Motion
+from testbench.robot import Robot
+
+Array = NDArray[np.float64]
+
+# Share of a joint's RMS torque that its encoders may seem to add: what a healthy drive's own noise is.
+NOISE = 0.005
+# Hz: elasticity and backlash are told by motion of up to 6 Hz.
+LOWEST = 8.0
+# Differences of this order leave nothing of the motion in the part of the spectrum where noise is read.
+ORDER, QUIET, SEGMENT = 4, (0.25, 0.45), 256
+# Poses that the inertia is averaged over.
+POSES = 40
+
+
+def joint_bands(robot: Robot, motions: Sequence[Motion], widest: float) -> Array:
+    """Cut-offs (n,) Hz, at most ``widest``, below which encoders leave each joint's torque known to NOISE.
+
+    White position noise of density S through an inertia matrix M has a torque's mean square of
+    (2 pi)^4 f^5 / 5 sum_k M_jk^2 S_k below f.
+    """
+    density = np.max([position_noise(each) for each in motions], axis=0)
+    positions = np.concatenate([each.position for each in motions])
+    poses = positions[:: max(len(positions) // POSES, 1)]
+    squared = np.mean(_inertia(robot, poses) ** 2, axis=0) @ density
+    torque = np.sqrt(np.mean(np.concatenate([each.torque for each in motions]) ** 2, axis=0))
+    allowed = 5 * (NOISE * torque) ** 2 / ((2 * np.pi) ** 4 * np.maximum(squared, 1e-300))
+    return np.clip(allowed**0.2, min(LOWEST, widest), widest)
+
+
+def position_noise(motion: Motion) -> Array:
+    """One-sided density (n,) rad²/Hz of the position's noise, taken to be white, from its fast part."""
+    rate = motion.sample_rate
+    differences = np.diff(motion.position, ORDER, axis=0)
+    length = min(SEGMENT, len(differences))
+    frequency, density = signal.welch(differences, rate, nperseg=length, axis=0, average="median")
+    quiet = (frequency >= QUIET[0] * rate) & (frequency <= QUIET[1] * rate)
+    gain = (2 * np.sin(np.pi * frequency[quiet] / rate)) ** (2 * ORDER)
+    return np.median(density[quiet] / gain[:, None], axis=0)
+
+
+def _inertia(robot: Robot, poses: Array) -> Array:
+    """Inertia matrices (P, n, n) with the rotors, by unit accelerations."""
+    n = robot.joints
+    count = len(poses)
+    position = np.repeat(poses, n + 1, axis=0)
+    acceleration = np.tile(np.vstack([np.zeros(n), np.eye(n)]), (count, 1))
+    torque = inverse_dynamics(
+        robot.chain, robot.parameters, position, np.zeros_like(position), acceleration, threads=1
+    )
+    table = torque.reshape(count, n + 1, n)
+    return np.swapaxes(table[:, 1:] - table[:, :1], 1, 2)
