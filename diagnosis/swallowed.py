@@ -1,4 +1,4 @@
-"""What re-identification swallows, looked for once every joint's imperfections are fitted beside it.
+"""What re-identification swallows, looked for once all imperfections of every joint are fitted beside it.
 
 A gain error, an offset of an encoder, a payload or a spring leaves a small trace in what is left; any
 robot's own imperfections leave larger ones, which would hide it or be taken for it.
@@ -28,20 +28,39 @@ BESIDE, SMALLEST_GAIN, SMALLEST_ELSEWHERE = 8.0, 9.0, 5.0
 
 
 def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Weighed]]:
-    """The stage with one imperfection a joint fitted beside, and the swallowed effects that show there.
+    """The stage with the joints' imperfections fitted beside, and the swallowed effects that show there.
 
     Best first. weighed: all effects that the stage has not, best first.
     """
-    beside: dict[int, Candidate] = {}
-    for each in weighed:
-        joint = each.candidate.family.joint
-        if joint is not None and each.candidate.family.effect in IMPERFECTIONS and each.score > BESIDE:
-            beside.setdefault(joint, each.candidate)
-    after = Stage(stage.ground, *stage.with_effects(list(beside.values())))
+    after = _with_imperfections(stage, weighed)
     hidden = [each.candidate for each in weighed if each.candidate.family.swallowed]
     found = weigh(after, Bank(stage.ground, hidden)) if hidden else []
     found = [each for each in found if each.score > SMALLEST_GAIN]
     return after, [each for each in found if _elsewhere(after, each) > SMALLEST_ELSEWHERE]
+
+
+def _with_imperfections(stage: Stage, weighed: Sequence[Weighed]) -> Stage:
+    """The stage with every imperfection that is worth it, the best of each joint at a time.
+
+    One of a joint's leaves what its others do, and a moved parameter somewhere else can imitate that.
+    """
+    open_ = [w for w in weighed if w.candidate.family.effect in IMPERFECTIONS]
+    while best := _best_of_joints(open_):
+        stage = Stage(stage.ground, *stage.with_effects(best))
+        taken = {candidate.place for candidate in best}
+        rest = [w.candidate for w in open_ if w.candidate.place not in taken]
+        open_ = weigh(stage, Bank(stage.ground, rest)) if rest else []
+    return stage
+
+
+def _best_of_joints(weighed: Sequence[Weighed]) -> list[Candidate]:
+    """The first of each joint that is worth fitting beside."""
+    best: dict[int, Candidate] = {}
+    for each in weighed:
+        joint = each.candidate.family.joint
+        if joint is not None and each.score > BESIDE:
+            best.setdefault(joint, each.candidate)
+    return list(best.values())
 
 
 def _elsewhere(stage: Stage, weighed: Weighed) -> float:
