@@ -21,9 +21,6 @@ from .weighing import Bank, Gain, Stage
 
 Array = NDArray[np.float64]
 
-# Independent samples per decimated one: the low-pass leaves about a quarter of the decimated band to noise,
-# and what is left beside noise is coloured too.
-INDEPENDENT = 0.25
 # How sharply a difference in log-likelihood is believed: misfit is not noise. No law is quite the robot's, so
 # a difference also counts against this share of what is explained at all.
 TEMPERATURE, OF_EXPLAINED = 4.0, 0.02
@@ -49,7 +46,7 @@ def gained(stage: Stage, gain: Gain) -> float:
 
 def gained_by_joint(stage: Stage, gain: Gain) -> Array:
     """The part of it that comes from each joint's prediction, (n,)."""
-    return -0.5 * INDEPENDENT * stage.counts * np.log(1 - stage.shares(gain))
+    return -0.5 * stage.independent * np.log(1 - stage.shares(gain))
 
 
 def gained_elsewhere(stage: Stage, gain: Gain) -> float:
@@ -63,15 +60,27 @@ def gained_by_shift(stage: Stage, gain: Gain) -> float:
     return gain.prior - stage.prior
 
 
-def log_of_squares(counts: Array, squared: Array) -> float:
-    """Log-likelihood of squared residuals (n,) of so many samples (n,); up to a constant."""
-    return -0.5 * INDEPENDENT * float(np.sum(counts * np.log(np.maximum(squared, 1e-300))))
+def log_of_squares(independent: Array, squared: Array) -> float:
+    """Log-likelihood of squared residuals (n,) of so many independent samples (n,); up to a constant."""
+    return -0.5 * float(np.sum(independent * np.log(np.maximum(squared, 1e-300))))
 
 
 def log_likelihood(hypothesis: Design, fitted: Fit) -> float:
-    """Of a hypothesis fitted in full; up to a constant."""
-    held_out = log_of_squares(hypothesis.counts, squares(fitted.held_out))
-    return held_out + float(log_prior(hypothesis, fitted.values))
+    """Of a hypothesis fitted in full: the mean of what left-out and what fitted runs say; up to a constant.
+
+    Where few runs cover a motion a left-out one is extrapolated to, and the law of fewer unknowns seems the
+    better. What is fitted pays for each of its coefficients and shapes instead (Schwarz, Ann. Statist. 1978).
+    """
+    held_out = log_of_squares(hypothesis.independent, squares(fitted.held_out))
+    within = log_of_squares(hypothesis.independent, squares(fitted.residual))
+    price = sum(_price(hypothesis, each) for each in hypothesis.accepted)
+    return (held_out + within - price) / 2 + float(log_prior(hypothesis, fitted.values))
+
+
+def _price(hypothesis: Design, candidate: Candidate) -> float:
+    """Half the logarithm of the samples that tell of it, for everything that was fitted of an effect."""
+    told = float(np.max(hypothesis.independent[list(candidate.member.rows)]))
+    return 0.5 * (candidate.count + len(candidate.member.shape)) * float(np.log(max(told, 1.0)))
 
 
 def weigh(stage: Stage, bank: Bank, allowed: Callable[[Gain], bool] = lambda gain: True) -> list[Weighed]:

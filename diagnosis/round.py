@@ -93,7 +93,7 @@ class Search:
                     return pushed
                 return Found(clipped, (), stage.with_effects([clipped.candidate]))
         if material:
-            return Found(*choose(stage, material))
+            return Found(*choose(stage, material, weighed))
         if (pushed := self._push(stage, free)) is not None:
             return pushed
         if unclaimed(self.first, stage, free):
@@ -119,7 +119,7 @@ class Search:
         ]
         if not traces:
             return None
-        best, rivals, _ = choose(after, traces)
+        best, rivals, _ = choose(after, traces, traces)
         return Found(best, rivals, stage.with_effects([best.candidate]), is_trace=True)
 
 

@@ -1,13 +1,14 @@
 """The shortlist of a round: its effects at their best shapes, fitted in full, the likeliest, its rivals."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from .candidates import candidate
-from .evidence import Design, Fit
+from .evidence import Design, Fit, log_prior, squares
 from .likelihood import Weighed, gained, log_likelihood, odds
 from .preparation import Prepared
 from .weighing import Bank, Stage
@@ -22,14 +23,17 @@ STEP = 0.12
 
 
 def choose(
-    stage: Stage, material: Sequence[Weighed]
+    stage: Stage, material: Sequence[Weighed], open_: Sequence[Weighed]
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]]:
     """The shortlist refined and fitted jointly in full: the best, its rivals with their probabilities.
 
-    A rival is what has little left to explain once the best is in; anything else is another effect.
+    A rival is what has little left to explain once the best is in; anything else is another effect. material,
+    open_: best first; of the second, what fits a listed effect's joint best is listed too.
     """
     prepared = stage.prepared
-    shortlist = [_refined(prepared, stage, w) for w in material[:SHORTLIST]]
+    likeliest = material[:SHORTLIST]
+    listed = [*likeliest, *(_best_fit(each, open_) for each in likeliest)]
+    shortlist = [_refined(prepared, stage, w) for w in {w.candidate.place: w for w in listed}.values()]
     trials = [stage.with_effects([w.candidate]) for w in shortlist]
     # Of many shapes one is the likelier to fit by chance.
     likelihoods = [
@@ -45,7 +49,24 @@ def choose(
             kept.append(index)
     probability = odds([likelihoods[index] for index in kept], shortlist[first].score)
     rivals = zip((shortlist[index] for index in kept[1:]), probability[1:].tolist(), strict=True)
-    return shortlist[first], tuple(sorted(rivals, key=lambda r: -r[1])), trials[first]
+    best = _as_fitted(stage, shortlist[first], trials[first])
+    return best, tuple(sorted(rivals, key=lambda r: -r[1])), trials[first]
+
+
+def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> Weighed:
+    """The effect of the same joint that fits better than any other, though it may predict worse."""
+    own = [w for w in open_ if w.candidate.family.joint == likely.candidate.family.joint]
+    return max(own, key=lambda w: w.gain.objective)
+
+
+def _as_fitted(stage: Stage, weighed: Weighed, trial: tuple[Design, Fit]) -> Weighed:
+    """What it gains by weights of its own hypothesis, where that is more: the stage's may not suit it."""
+    gain = replace(
+        weighed.gain,
+        held_out=stage.held_squares - squares(trial[1].held_out),
+        prior=float(log_prior(trial[0], trial[1].values)),
+    )
+    return max(weighed, Weighed(gain, gained(stage, gain)), key=lambda w: w.score)
 
 
 def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:

@@ -1,0 +1,48 @@
+"""What is fitted in full beside a hypothesis: the likeliest, what fits best, all imperfections."""
+
+import pytest
+
+from diagnosis.candidates import candidates
+from diagnosis.evidence import fitted_to
+from diagnosis.ground import ground
+from diagnosis.likelihood import weigh
+from diagnosis.preparation import prepare
+from diagnosis.shortlist import choose
+from diagnosis.swallowed import swallowed
+from diagnosis.weighing import Bank, Stage
+from testbench.effects import parse_injection
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+NARROW = 0.2
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return small_arm(tmp_path_factory.mktemp("arm"))
+
+
+def test_all_imperfections_of_a_joint_are_fitted_beside_what_is_swallowed(arm):
+    faults = (
+        "transmission_ripple:elbow:amplitude=.1,cycles=21",
+        "stribeck_friction:elbow:extra=.15,velocity=.2",
+    )
+    prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, text) for text in faults], 3))
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    beside, found = swallowed(stage, weigh(stage, Bank(stage.ground, candidates(prepared))))
+    places = {each.place[:2] for each in beside.hypothesis.accepted}
+    assert {("transmission_ripple", 1), ("stribeck_friction", 1)} <= places
+    assert found == []
+
+
+def test_what_fits_a_joint_best_is_listed_though_it_was_not_material(arm):
+    cable = parse_injection(arm, "cable_spring:elbow:stiffness=2,rest=0.4")
+    prepared = prepare(arm, simulated_runs(arm, [cable]))
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    springs = candidates(prepared, only=["cable_spring", "gravity_spring"])
+    open_ = weigh(stage, Bank(stage.ground, [each for each in springs if each.family.joint == 1]))
+    material = [each for each in open_ if each.candidate.family.effect == "gravity_spring"]
+    best, rivals, _ = choose(stage, material, open_)
+    assert best.candidate.family.effect == "cable_spring"
+    assert [each.candidate.family.effect for each, _ in rivals] == ["gravity_spring"]
