@@ -7,10 +7,9 @@ import numpy as np
 
 from .candidates import Candidate
 from .likelihood import Weighed
-from .unclaimed import Unclaimed
+from .unclaimed import SPRINGS, Unclaimed
 from .weighing import Stage
 
-SPRINGS = {"gravity_spring", "cable_spring"}
 # Cycles a revolution.
 SLOWEST_RIPPLE = 10.0
 

@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 MOST_EFFECTS, MOST_TERMS = 6, 10
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
+# Beside what no effect explains, one that takes off this share of it may be a trace of the same.
+DWARFED = 0.02
 
 
 @dataclass(frozen=True)
@@ -99,10 +101,16 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
     hidden = not_observable(sized, base.torque_rms, open_)
-    misfit = {item.joint for item in unknown}
-    # What is named beside a larger misfit of the same joint only imitates a part of it.
-    accepted = [replace(a, named=a.named and a.candidate.family.joint not in misfit) for a in accepted]
+    accepted = [replace(a, named=a.named and not _is_dwarfed(a, unknown, last)) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
+
+
+def _is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> bool:
+    """Whether what no effect explains is at its joint, which a name would only imitate, or far larger."""
+    misfit = [each.joint for each in unknown]
+    left = last.held_squares / np.maximum(last.counts, 1) / last.ground.torque_rms**2
+    largest = float(np.max(left[misfit], initial=0.0))
+    return item.candidate.family.joint in misfit or item.worth < DWARFED * largest
 
 
 def _accepted(

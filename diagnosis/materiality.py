@@ -20,7 +20,7 @@ from testbench.robot import Robot
 from .candidates import Candidate
 from .evidence import DELAY
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
-from .weighing import Stage
+from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]
 
@@ -50,6 +50,9 @@ SMALLEST_WALD = 25.0
 # healthy robot's.
 TOLD_BY_SIZE = ("load_dependent_friction", "nonlinear_viscous_friction", DELAY)
 SMALLEST_GAIN, BEYOND = 10.0, 3.0
+# What acts near rest, where samples do not count, shows little of itself: this share of the torque is
+# enough where it is most of what is left, and its size is certain.
+NEAR_REST, LITTLE_TORQUE, MOST_LEFT = "stribeck_friction", 0.002, 0.5
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
@@ -75,15 +78,21 @@ HEALTHY_ELSE = 0.8
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
 BRISTLES, SMALLEST_LEVEL = "presliding_hysteresis", 0.55
 # Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
-LARGEST = 3.0
-BOUNDED = (
-    "presliding_hysteresis",
-    "joint_elasticity",
-    "encoder_offset",
-    "encoder_eccentricity",
-    "torque_gain_error",
-    "base_tilt",
-)
+LARGEST: Mapping[str, float] = {
+    "presliding_hysteresis": 3.0,
+    "joint_elasticity": 3.0,
+    "encoder_offset": 3.0,
+    "encoder_eccentricity": 3.0,
+    "torque_gain_error": 3.0,
+    "base_tilt": 3.0,
+    # Cables and counterbalances differ more from arm to arm.
+    "cable_spring": 10.0,
+    "gravity_spring": 10.0,
+}
+# And of a law beside an effect's first.
+LARGEST_BY_LAW = 3.0
+# No motion is free of a ripple of a hundredth of the joint's torque: an amplitude of .4 of this is beyond it.
+RIPPLE, RIPPLE_TORQUE = "transmission_ripple", 0.025
 # A spring that holds less than this share of the Coulomb friction may be any cable.
 SPRING, SPRING_COULOMB = "gravity_spring", 0.1
 # The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the viscous
@@ -103,7 +112,7 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = Fa
     robot: that sizes are relative to. is_best: whether no other gains as much.
     """
     gain, family = weighed.gain, weighed.candidate.family
-    if _is_large(robot, stage, weighed):
+    if _is_large(robot, stage, weighed) or _is_seen_beyond_rest(robot, stage, weighed):
         return True
     if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
         return False
@@ -162,13 +171,28 @@ def _is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     # What a delay and the timing of the log make of each other is a derivative, not a delay.
     if family.effect == DELAY and gained_by_shift(stage, gain) < 0:
         return False
-    wald = float(gain.coefficients @ gain.information @ gain.coefficients)
     own = list(gain.candidate.member.rows)
     seen = stage.removed(gain)[own] > SMALLEST_TORQUE * stage.ground.torque_rms[own]
-    if wald < SMALLEST_WALD or not np.any(seen):
+    return bool(np.any(seen)) and _is_certainly_beyond(robot, stage, gain)
+
+
+def _is_seen_beyond_rest(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
+    """Whether it acts near rest and is most of what is left away from it, however little that is."""
+    family, gain = weighed.candidate.family, weighed.gain
+    if family.effect != NEAR_REST or weighed.score < SMALLEST_GAIN:
+        return False
+    little = stage.removed(gain)[family.joint] > LITTLE_TORQUE * stage.ground.torque_rms[family.joint]
+    most = stage.shares(gain)[family.joint] > MOST_LEFT
+    return bool(little and most) and _is_certainly_beyond(robot, stage, gain)
+
+
+def _is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain) -> bool:
+    """Whether it is known to a fifth, and three deviations less of it are still beyond a healthy robot's."""
+    wald = float(gain.coefficients @ gain.information @ gain.coefficients)
+    if wald < SMALLEST_WALD:
         return False
     least = (1 - BEYOND / np.sqrt(wald)) * gain.coefficients
-    return is_beyond_healthy(robot, stage.ground.torque_rms, weighed.candidate, least)
+    return is_beyond_healthy(robot, stage.ground.torque_rms, gain.candidate, least)
 
 
 def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
@@ -188,11 +212,12 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
             value = np.asarray(values[parameter.name].value)
             if np.any(value < parameter.lower) or np.any(value > parameter.upper):
                 return False
-    if family.effect in BOUNDED or candidate.member.law is not None:
+    largest = LARGEST.get(family.effect) if candidate.member.law is None else LARGEST_BY_LAW
+    if largest is not None:
         parameter = effect(family.effect).DESCRIPTION.parameters[0]
         mild, severe = typical_range(parameter, robot, family.joint)
         amount = _number(values[parameter.name])
-        return amount <= LARGEST * severe if severe >= mild else amount >= severe / LARGEST
+        return amount <= largest * severe if severe >= mild else amount >= severe / largest
     return True
 
 
@@ -214,7 +239,8 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
     for name in SIZES.get(family.effect, (description.parameters[0].name,)):
         mild, severe = typical_range(known[name], robot, family.joint)
         if family.joint is not None and known[name].unit == "N·m":
-            mild = max(mild, SMALLEST_TORQUE * float(torque_scale[family.joint]))
+            least = RIPPLE_TORQUE if family.effect == RIPPLE else SMALLEST_TORQUE
+            mild = max(mild, least * float(torque_scale[family.joint]))
             if family.effect == SPRING:
                 mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
             severe = max(mild, severe)

@@ -10,6 +10,7 @@ from .evidence import squares
 from .generic import RUN_TIME
 from .likelihood import weigh
 from .noise import noise_rms
+from .spectrum import slow_share
 from .weighing import Bank, Gain, Stage
 
 Array = NDArray[np.float64]
@@ -20,12 +21,14 @@ SMALLEST_SHARE, SMALLEST_TORQUE = 0.25, 0.015
 # ... and that is this share of what re-identification left, and of what the effects taken in explain there.
 SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
 
-# What is left counts without any function to follow where it is this share of the joint's RMS torque, and so
-# many times the noise.
-MISFIT_TORQUE, MISFIT_NOISE = 0.1, 3.0
-# So does, at a joint without any effect, what is this share of its torque, noise, and so many times what the
-# joint in the middle of all has.
-STANDING_OUT_TORQUE, STANDING_OUT_NOISE, STANDING_OUT = 0.045, 0.75, 5.0
+# What is left counts without any function to follow where it is this share of the joint's RMS torque, so many
+# times the noise, and this share of what re-identification left.
+MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
+# So does what is this share of the joint's torque, so many times what the joint in the middle of all has, not
+# noise, and this share of what re-identification left: a law that is nearly the robot's leaves less, and a
+# spring's next to nothing.
+STANDING_OUT_TORQUE, STANDING_OUT, STANDING_OUT_LEFT, SPRING_LEFT = 0.03, 3.0, 0.37, 0.12
+SPRINGS = {"gravity_spring", "cable_spring"}
 NOTHING = "nothing that was tried"
 
 
@@ -89,11 +92,21 @@ def unclaimed(first: Stage, last: Stage, free: Bank) -> tuple[Unclaimed, ...]:
     rms = np.sqrt(last.held_squares / np.maximum(last.counts, 1))
     relative, noise = rms / last.ground.torque_rms, rms / noise_rms(last.prepared)
     unfit = (relative > MISFIT_TORQUE) & (noise > MISFIT_NOISE)
+    left = last.held_squares / np.maximum(first.held_squares, 1e-300)
+    unfit &= left > MISFIT_LEFT
     stands_out = (relative > STANDING_OUT_TORQUE) & (relative > STANDING_OUT * np.median(relative))
-    taken = {each.family.joint for each in last.hypothesis.accepted}
-    free_of_effects = np.array([joint not in taken for joint in range(last.prepared.joints)])
-    unfit |= stands_out & (noise > STANDING_OUT_NOISE) & free_of_effects
-    for joint in np.flatnonzero(unfit & (last.held_squares > 0.5 * first.held_squares)).tolist():
-        share = float(last.held_squares[joint] / first.held_squares[joint])
-        found.setdefault(joint, Unclaimed(joint, NOTHING, min(share, 1.0)))
+    sprung = {each.family.joint for each in last.hypothesis.accepted if each.family.effect in SPRINGS}
+    most = np.where([joint in sprung for joint in range(len(left))], SPRING_LEFT, STANDING_OUT_LEFT)
+    for joint in np.flatnonzero(stands_out & (left > most)).tolist():
+        unfit[joint] |= _is_slow(last, joint)
+    for joint in np.flatnonzero(unfit).tolist():
+        found.setdefault(joint, Unclaimed(joint, NOTHING, min(float(left[joint]), 1.0)))
     return tuple(sorted(found.values(), key=lambda item: -item.share))
+
+
+def _is_slow(stage: Stage, joint: int) -> bool:
+    """Whether a joint's residual lies where motion does, by more than half of what noise would not."""
+    fitted, used = stage.fitted, stage.hypothesis.used
+    residual = [run[:, joint] for run in fitted.held_out]
+    share, expected = slow_share(stage.prepared.runs, joint, residual, [run[:, joint] for run in used])
+    return share > (1 + expected) / 2
