@@ -22,7 +22,7 @@ NOISE = 0.005
 # Hz: elasticity and backlash are told by motion of up to 6 Hz.
 LOWEST = 8.0
 # Differences of this order leave nothing of the motion in the part of the spectrum where noise is read.
-ORDER, QUIET, SEGMENT = 4, (0.25, 0.45), 256
+ORDER, QUIET, SEGMENT, FEWEST = 4, (0.25, 0.45), 256, 40
 # Poses that the inertia is averaged over.
 POSES = 40
 
@@ -43,8 +43,13 @@ def joint_bands(robot: Robot, motions: Sequence[Motion], widest: float) -> Array
 
 
 def position_noise(motion: Motion) -> Array:
-    """One-sided density (n,) rad²/Hz of the position's noise, taken to be white, from its fast part."""
+    """One-sided density (n,) rad²/Hz of the position's noise, taken to be white, from its fast part.
+
+    None is seen in a run of fewer than FEWEST samples.
+    """
     rate = motion.sample_rate
+    if len(motion.position) < FEWEST:
+        return np.zeros(motion.position.shape[1])
     differences = np.diff(motion.position, ORDER, axis=0)
     length = min(SEGMENT, len(differences))
     frequency, density = signal.welch(differences, rate, nperseg=length, axis=0, average="median")

@@ -46,6 +46,11 @@ def test_the_density_of_white_position_noise_is_read_beside_the_motion(smooth: M
     np.testing.assert_allclose(position_noise(noisy(smooth, deviation)), expected, rtol=0.09)
 
 
+def test_a_run_of_a_few_samples_tells_nothing_of_noise(smooth: Motion) -> None:
+    short = replace(smooth, position=smooth.position[:5], torque=smooth.torque[:5])
+    np.testing.assert_array_equal(position_noise(short), 0.0)
+
+
 def test_without_noise_the_band_is_the_widest(robot: Robot, smooth: Motion) -> None:
     np.testing.assert_array_equal(joint_bands(robot, [smooth], 20.0), 20.0)
 
