@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from diagnosis.findings import RegimeShare
 from diagnosis.localisation import densest, regime_shares
 from diagnosis.preparation import Prepared, Run, prepare
+from diagnosis.spectrum import slow_share
 from testbench.robot import Robot
 
 from .diagnosed import simulated_runs
@@ -116,3 +117,21 @@ def test_bands_add_up_and_a_joint_without_gap_has_no_regimes(prepared: Prepared)
     bands = [each for each in shares(prepared, white) if each.aspect == "frequency"]
     assert sum(each.share for each in bands) == pytest.approx(1)
     assert shares(prepared, lambda run, rng: np.zeros(len(run.logged.time))) == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_is_as_fast_as_its_low_pass_and_what_follows_motion_is_slow(
+    prepared: Prepared, seed: int
+) -> None:
+    def slow(torque: Torque) -> tuple[float, float]:
+        rng = np.random.default_rng(seed)
+        residual = [run.filtered(torque(run, rng)[:, None], [JOINT])[:, 0] for run in prepared.runs]
+        return slow_share(prepared.runs, JOINT, residual, [run.used[:, JOINT] for run in prepared.runs])
+
+    def hum(run: Run, rng: np.random.Generator) -> np.ndarray:
+        return np.sin(2 * np.pi * 3.7 * run.logged.time)
+
+    share, expected = slow(white)
+    # Three runs of some 400 samples at twice the band's Nyquist rate: 600 squares, of which half are slow.
+    assert share == pytest.approx(expected, abs=5 * np.sqrt(expected * (1 - expected) / 600 * 2))
+    assert slow(hum)[0] > 0.97
