@@ -16,7 +16,7 @@ from testbench.robot import Robot
 
 from .accepted import Accepted, laws_of_position
 from .candidates import EVENT, SATURATION, candidates
-from .evidence import Design, Fit, fitted_to, log_prior, squares, standard_values
+from .evidence import Design, Fit, fitted_to, squares, standard_values
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
@@ -188,11 +188,7 @@ def _pruned(
             gain = stage.gain(item.candidate)
             if gain is not None:
                 # Both are fitted in full here, so what leaving it out costs is known exactly.
-                gain = replace(
-                    gain,
-                    held_out=stage.held_squares - squares(fitted.held_out),
-                    prior=float(log_prior(hypothesis, fitted.values)),
-                )
+                gain = stage.as_fitted(gain, (hypothesis, fitted))
             kept = item.candidate.is_event or item.is_trace
             # What was best when it was taken in is judged as such.
             weighed = None if gain is None else Weighed(gain, gained(stage, gain))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from identification.inverse_dynamics import inverse_dynamics
+from identification.inverse_dynamics import mass_matrices
 from identification.signals import Motion
 from testbench.robot import Robot
 
@@ -36,7 +36,8 @@ def joint_bands(robot: Robot, motions: Sequence[Motion], widest: float) -> Array
     density = np.max([position_noise(each) for each in motions], axis=0)
     positions = np.concatenate([each.position for each in motions])
     poses = positions[:: max(len(positions) // POSES, 1)]
-    squared = np.mean(_inertia(robot, poses) ** 2, axis=0) @ density
+    matrices = mass_matrices(robot.chain, robot.parameters, poses, threads=1)
+    squared = np.mean(matrices**2, axis=0) @ density
     torque = np.sqrt(np.mean(np.concatenate([each.torque for each in motions]) ** 2, axis=0))
     allowed = 5 * (NOISE * torque) ** 2 / ((2 * np.pi) ** 4 * np.maximum(squared, 1e-300))
     return np.clip(allowed**0.2, min(LOWEST, widest), widest)
@@ -56,16 +57,3 @@ def position_noise(motion: Motion) -> Array:
     quiet = (frequency >= QUIET[0] * rate) & (frequency <= QUIET[1] * rate)
     gain = (2 * np.sin(np.pi * frequency[quiet] / rate)) ** (2 * ORDER)
     return np.median(density[quiet] / gain[:, None], axis=0)
-
-
-def _inertia(robot: Robot, poses: Array) -> Array:
-    """Inertia matrices (P, n, n) with the rotors, by unit accelerations."""
-    n = robot.joints
-    count = len(poses)
-    position = np.repeat(poses, n + 1, axis=0)
-    acceleration = np.tile(np.vstack([np.zeros(n), np.eye(n)]), (count, 1))
-    torque = inverse_dynamics(
-        robot.chain, robot.parameters, position, np.zeros_like(position), acceleration, threads=1
-    )
-    table = torque.reshape(count, n + 1, n)
-    return np.swapaxes(table[:, 1:] - table[:, :1], 1, 2)

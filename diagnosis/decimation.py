@@ -5,6 +5,7 @@ from a run's ends, so its response to an impulse says it all. Torque and every c
 hypothesis pass the same taps, so what is cut off beyond them cancels out.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,6 +58,13 @@ def decimating_filters(sample_rate: float, cutoffs: Array) -> tuple[DecimatingFi
         cutoff: DecimatingFilter(np.pad(each, reach - len(each) // 2), step) for cutoff, each in taps.items()
     }
     return tuple(made[cutoff] for cutoff in cutoffs.tolist())
+
+
+def filtered(filters: Sequence[DecimatingFilter], columns: Array) -> Array:
+    """Columns (N, r, ...), each of the r through its own filter of ``decimating_filters``, (M, r, ...)."""
+    if all(each is filters[0] for each in filters):
+        return filters[0](columns)
+    return np.stack([each(columns[:, place]) for place, each in enumerate(filters)], axis=1)
 
 
 def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:

@@ -21,7 +21,7 @@ from testbench.log import CHANNELS, Recording
 from testbench.robot import Robot
 
 from .band import joint_bands
-from .decimation import DecimatingFilter, decimating_filters
+from .decimation import DecimatingFilter, decimating_filters, filtered
 
 Array = NDArray[np.float64]
 
@@ -60,10 +60,7 @@ class Run:
 
     def filtered(self, columns: Array, joints: Sequence[int]) -> Array:
         """Columns (N, r, ...) of r joints at full rate, filtered and decimated like the torque."""
-        own = [self.filters[joint] for joint in joints]
-        if len(set(map(id, own))) <= 1:
-            return own[0](columns) if own else columns[self.kept]
-        return np.stack([each(columns[:, place]) for place, each in enumerate(own)], axis=1)
+        return filtered([self.filters[joint] for joint in joints], columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,12 +179,12 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         body_origin=body_origin,
     )
     rows = regressor(robot.chain, signals.q, signals.dq, signals.ddq)
-    filtered = np.zeros((len(kept), robot.joints, PER_JOINT * robot.joints))
+    base = np.zeros((len(kept), robot.joints, PER_JOINT * robot.joints))
     for joint in range(robot.joints):
         # Links before the joint never load it.
         loaded = slice(PER_JOINT * joint, None)
-        filtered[:, joint, loaded] = filters[joint](rows[:, joint, loaded])
-    run = Run(
+        base[:, joint, loaded] = filters[joint](rows[:, joint, loaded])
+    return Run(
         name=name,
         logged=logged,
         filters=filters,
@@ -196,8 +193,7 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         q=signals.q[kept],
         dq=signals.dq[kept],
         ddq=signals.ddq[kept],
-        torque=np.zeros((len(kept), robot.joints)),
-        rows=filtered,
+        torque=filtered(filters, signals.tau),
+        rows=base,
         used=~resting[kept],
     )
-    return replace(run, torque=run.filtered(signals.tau, range(robot.joints)))

@@ -1,14 +1,13 @@
 """The shortlist of a round: its effects at their best shapes, fitted in full, the likeliest, its rivals."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from .candidates import candidate
-from .evidence import Design, Fit, log_prior, squares
+from .evidence import Design, Fit
 from .likelihood import Weighed, gained, log_likelihood, odds
 from .preparation import Prepared
 from .weighing import Bank, Stage
@@ -49,7 +48,9 @@ def choose(
             kept.append(index)
     probability = odds([likelihoods[index] for index in kept], shortlist[first].score)
     rivals = zip((shortlist[index] for index in kept[1:]), probability[1:].tolist(), strict=True)
-    best = _as_fitted(stage, shortlist[first], trials[first])
+    # By weights of its own hypothesis it may gain more: the stage's may not suit it.
+    exact = stage.as_fitted(shortlist[first].gain, trials[first])
+    best = max(shortlist[first], Weighed(exact, gained(stage, exact)), key=lambda w: w.score)
     return best, tuple(sorted(rivals, key=lambda r: -r[1])), trials[first]
 
 
@@ -57,16 +58,6 @@ def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> Weighed:
     """The effect of the same joint that fits better than any other, though it may predict worse."""
     own = [w for w in open_ if w.candidate.family.joint == likely.candidate.family.joint]
     return max(own, key=lambda w: w.gain.objective)
-
-
-def _as_fitted(stage: Stage, weighed: Weighed, trial: tuple[Design, Fit]) -> Weighed:
-    """What it gains by weights of its own hypothesis, where that is more: the stage's may not suit it."""
-    gain = replace(
-        weighed.gain,
-        held_out=stage.held_squares - squares(trial[1].held_out),
-        prior=float(log_prior(trial[0], trial[1].values)),
-    )
-    return max(weighed, Weighed(gain, gained(stage, gain)), key=lambda w: w.score)
 
 
 def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:

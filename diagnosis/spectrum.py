@@ -40,14 +40,9 @@ def band_shares(
     residual, used: a run, (M,). block: (K,) of the used samples of all runs. expected: the larger of the
     band's share in white noise that has passed the low-pass, and in the joint's own torque.
     """
-    squares = np.concatenate(
-        [_in_bands(r, u, _rate(run))[u] ** 2 for run, r, u in zip(runs, residual, used, strict=True)]
-    )
-    torque = np.concatenate(
-        [_in_bands(run.torque[:, joint], u, _rate(run))[u] ** 2 for run, u in zip(runs, used, strict=True)]
-    )
-    weights = np.array([float(u.sum()) for u in used])
-    white = np.average([_white(run, joint) for run in runs], axis=0, weights=weights)
+    squares = _squares(runs, residual, used)
+    torque = _squares(runs, [run.torque[:, joint] for run in runs], used)
+    white = _white(runs, joint, used)
     expected = np.maximum(white, torque.sum(axis=0) / max(float(torque.sum()), SMALLEST))
     sums: Array = np.stack([np.bincount(block, column) for column in squares.T], axis=1)
     total = sums.sum(axis=0)
@@ -71,16 +66,9 @@ def slow_share(
 
     residual, used: a run, (M,), some of it used.
     """
-    squares = np.sum(
-        [
-            np.sum(_in_bands(r, u, _rate(run))[u] ** 2, axis=0)
-            for run, r, u in zip(runs, residual, used, strict=True)
-        ],
-        axis=0,
-    )
-    weights = [float(u.sum()) for u in used]
-    white = np.average([_white(run, joint) for run in runs], axis=0, weights=weights)
-    return 1 - float(squares[-1] / max(float(squares.sum()), SMALLEST)), 1 - float(white[-1])
+    squares = _squares(runs, residual, used).sum(axis=0)
+    fast = float(squares[-1] / max(float(squares.sum()), SMALLEST))
+    return 1 - fast, 1 - float(_white(runs, joint, used)[-1])
 
 
 def band_names() -> tuple[str, ...]:
@@ -109,8 +97,20 @@ def _in_bands(values: Array, used: Mask, rate: float) -> Array:
     return idct(dct(bridged, norm="ortho")[:, None] * members, axis=0, norm="ortho")
 
 
-def _white(run: Run, joint: int) -> Array:
-    """Each band's share of white noise behind the joint's low-pass, (bands,)."""
+def _squares(runs: Sequence[Run], values: Sequence[Array], used: Sequence[Mask]) -> Array:
+    """Squares of one series a run (M,), divided into bands, where it is used: (K, bands) of all runs."""
+    parts = zip(runs, values, used, strict=True)
+    return np.concatenate([_in_bands(each, u, _rate(run))[u] ** 2 for run, each, u in parts])
+
+
+def _white(runs: Sequence[Run], joint: int, used: Sequence[Mask]) -> Array:
+    """Each band's share of white noise behind the joint's low-pass, (bands,), where all runs are used."""
+    weights = [float(u.sum()) for u in used]
+    return np.average([_white_of(run, joint) for run in runs], axis=0, weights=weights)
+
+
+def _white_of(run: Run, joint: int) -> Array:
+    """The same of one run, all of it."""
     length = 1 << int(np.ceil(np.log2(8 * run.logged.sample_rate)))
     passed = np.abs(np.fft.rfft(run.filters[joint].taps, length)) ** 2
     band = np.digitize(np.fft.rfftfreq(length, 1 / run.logged.sample_rate), EDGES)

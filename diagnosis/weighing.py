@@ -5,7 +5,7 @@ regressor, a fold and a joint at a time, and every later hypothesis adds only it
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from .candidates import Candidate
-from .evidence import RIDGE, Design, Fit, Normal, fitted_to, log_prior, scaled_precision
+from .evidence import RIDGE, Design, Fit, Normal, fitted_to, log_prior, scaled_precision, squares
 from .ground import Ground
 
 Array = NDArray[np.float64]
@@ -145,6 +145,12 @@ class Stage:
         """RMS torque that a candidate takes off each joint's held-out residual, (n,) N·m."""
         return np.sqrt(np.maximum(gain.held_out, 0) / np.maximum(self.counts, 1))
 
+    def as_fitted(self, gain: Gain, trial: tuple[Design, Fit]) -> Gain:
+        """A candidate's gain as the hypothesis with it, fitted in full, has it: by weights of its own."""
+        hypothesis, fitted = trial
+        held_out = self.held_squares - squares(fitted.held_out)
+        return replace(gain, held_out=held_out, prior=float(log_prior(hypothesis, fitted.values)))
+
     def gain(self, candidate: Candidate) -> Gain | None:
         """What one candidate adds; None where its columns are zero on these runs."""
         return self.gains(Bank(self.ground, [candidate]))[0]
@@ -163,14 +169,14 @@ class Stage:
         coefficients, apart = np.zeros(len(bank.owner)), np.zeros(sums.right.shape)
         own_held = np.zeros((len(bank.candidates), self.prepared.joints))
         solved: dict[int, tuple[float, float, Array]] = {}
-        for members, squares in zip(bank.groups, bank.squares, strict=True):
-            live, size = self._live(bank, members, squares)
-            members, squares, size = members[live], squares[live], size[live]
+        for members, own_squares in zip(bank.groups, bank.squares, strict=True):
+            live, size = self._live(bank, members, own_squares)
+            members, own_squares, size = members[live], own_squares[live], size[live]
             if not len(members):
                 continue
-            k = squares.shape[-1]
+            k = own_squares.shape[-1]
             at = bank.start[members][:, None] + np.arange(k)
-            by_fold = np.einsum("j,cfjab->cfab", self.weights, squares)
+            by_fold = np.einsum("j,cfjab->cfab", self.weights, own_squares)
             own = by_fold.sum(axis=1)
             own[:, range(k), range(k)] = size
             chosen = [bank.candidates[c] for c in members]
@@ -196,7 +202,7 @@ class Stage:
                 unreached = np.any(np.einsum("caa->ca", rest) <= 1e-9 * size, axis=1)
                 c[unreached & ~free] = 0.0
                 apart[f, at] = c
-                own_held[members] -= np.einsum("ca,cjab,cb->cj", c, squares[:, f], c)
+                own_held[members] -= np.einsum("ca,cjab,cb->cj", c, own_squares[:, f], c)
         held_out = own_held + self._held_out_by_moving(bank, sums, through_apart, apart)
         values = np.repeat(self.fitted.values[:, None], len(bank.candidates), axis=1)
         np.add.at(values.T, bank.owner, -(through * coefficients).T)

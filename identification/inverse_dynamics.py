@@ -44,6 +44,17 @@ def inverse_dynamics(
     return out
 
 
+def mass_matrices(chain: Chain, parameters: Array, q: Array, threads: int | None = None) -> Array:
+    """(K, n, n) kg·m² (kg) at poses (K, n), rotors included, by unit accelerations of one joint at a time."""
+    still = np.zeros_like(q)
+    rest = inverse_dynamics(chain, parameters, q, still, still, threads=threads)
+    columns = [
+        inverse_dynamics(chain, parameters, q, still, still + unit, threads=threads) - rest
+        for unit in np.eye(chain.joints)
+    ]
+    return np.stack(columns, axis=2)
+
+
 @kernel
 def _inverse_dynamics(
     is_slide: NDArray[np.bool_],

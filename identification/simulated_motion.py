@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .closed_loop import SimulatedRun, standard_candidate
 from .errors import InputError
-from .inverse_dynamics import inverse_dynamics
+from .inverse_dynamics import mass_matrices
 from .models import identification_models
 from .observations import Observations
 from .problem import Problem
@@ -84,22 +84,10 @@ def _smallest_inertia(problem: Problem, values: Array) -> float:
     """Smallest eigenvalue of the mass matrix against the nominal one, over poses of the runs."""
     q = np.concatenate([run.q[:: max(1, len(run.q) // POSES)] for run in problem.observations])
     ours, nominal = (
-        _mass_matrices(problem, standard, q)
+        mass_matrices(problem.chain, standard, q)
         for standard in (standard_candidate(problem.base, problem.nominal, values), problem.nominal)
     )
     factor = np.linalg.cholesky(nominal)
     half = np.linalg.solve(factor, ours)
     relative = np.linalg.solve(factor, half.transpose(0, 2, 1))
     return float(np.linalg.eigvalsh(0.5 * (relative + relative.transpose(0, 2, 1))).min())
-
-
-def _mass_matrices(problem: Problem, standard: Array, q: Array) -> Array:
-    """(K, n, n) at the poses (K, n), by a unit acceleration of one joint after the other."""
-    n = problem.chain.joints
-    still = np.zeros_like(q)
-    rest = inverse_dynamics(problem.chain, standard, q, still, still)
-    columns = [
-        inverse_dynamics(problem.chain, standard, q, still, np.tile(unit, (len(q), 1))) - rest
-        for unit in np.eye(n)
-    ]
-    return np.stack(columns, axis=2)

@@ -15,8 +15,6 @@ from testbench.effects import parse_injection
 from .diagnosed import simulated_runs
 from .small_arm import small_arm
 
-NARROW = 0.2
-
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
