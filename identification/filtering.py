@@ -3,12 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
+from scipy.ndimage import correlate1d
 
 from .errors import InputError
 
 Array = NDArray[np.float64]
 
 ORDER = 4
+# Weights of the samples from four before to four after in a first derivative.
+NINE_POINTS = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
 # An edge transient of the forward-backward filter has died out after this many cut-off periods.
 EDGE_PERIODS = 2.0
 # Samples kept per cut-off period after decimation: twice the Nyquist rate of what the filter passes.
@@ -49,8 +52,17 @@ def decimation_step(sample_rate: float, cutoff: float) -> int:
 
 
 def central_difference(x: Array, sample_rate: float) -> Array:
-    """Derivative along axis 0 by central differences, second order at the ends too; same shape."""
-    return np.gradient(x, 1 / sample_rate, axis=0, edge_order=2)
+    """Derivative along axis 0 by central differences over nine samples, eighth order; same shape.
+
+    Fornberg, "Generation of finite difference formulas", Math. Comp. 51(184), 1988: exact to a thousandth up
+    to 0.15 of the sample rate, where two samples miss a seventh. Second order in the last four of each end.
+    """
+    out = np.gradient(x, 1 / sample_rate, axis=0, edge_order=2)
+    reach = len(NINE_POINTS) // 2
+    if len(x) >= len(NINE_POINTS):
+        inner = correlate1d(x, NINE_POINTS * sample_rate, axis=0)
+        out[reach:-reach] = inner[reach:-reach]
+    return out
 
 
 def require_cutoff(cutoff: float, sample_rate: float, samples: int) -> None:

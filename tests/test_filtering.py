@@ -33,13 +33,28 @@ def test_noise_gain_of_slow_noise_is_nearly_one():
     assert 0.99 < noise_gain(RATE, 20.0, slow) <= 1.0
 
 
-def test_central_difference_is_second_order():
-    errors = []
-    for rate in (100.0, 200.0):
+def test_central_difference_is_of_eighth_order_and_of_second_at_the_ends():
+    inner, ends = [], []
+    for rate in (50.0, 100.0):
         time = np.arange(0, 1, 1 / rate)
-        error = central_difference(np.sin(7 * time)[:, None], rate)[:, 0] - 7 * np.cos(7 * time)
-        errors.append(np.abs(error[2:-2]).max())
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
+        difference = central_difference(np.sin(19 * time)[:, None], rate)[:, 0]
+        error = np.abs(difference - 19 * np.cos(19 * time))
+        inner.append(error[4:-4].max())
+        ends.append(error[[0, -1]].max())
+    assert inner[0] / inner[1] == pytest.approx(2**8, rel=0.1)
+    assert 3 < ends[0] / ends[1] < 5
+
+
+def test_central_difference_is_exact_to_a_thousandth_far_up_a_slow_log():
+    rate, frequency = 125.0, 18.75
+    time = np.arange(400) / rate
+    speed = 2 * np.pi * frequency
+    difference = central_difference(np.sin(speed * time)[:, None], rate)[4:-4, 0]
+    assert np.abs(difference / speed - np.cos(speed * time[4:-4])).max() < 1.1e-3
+
+
+def test_a_run_shorter_than_the_stencil_is_differentiated_all_the_same():
+    assert central_difference(np.arange(5.0)[:, None], 10.0) == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize(("cutoff", "samples"), [(-1.0, 5000), (600.0, 5000), (20.0, 300), (np.nan, 5000)])
