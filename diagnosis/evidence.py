@@ -7,7 +7,7 @@ chi-squared for coloured residuals too.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -186,27 +186,49 @@ def fit(prepared: Prepared, hypothesis: Design) -> Fit:
     information[np.diag_indices_from(information)] += scaled_precision(hypothesis, prior_scale) + RIDGE
     values = _values(hypothesis, folds, prior_scale, (lower, upper))
     residual = _residual(hypothesis, values)
-    events = np.concatenate(
-        [np.zeros(hypothesis.parameters, bool), *(np.full(c.count, c.is_event) for c in hypothesis.accepted)]
-    )
     distance = float(values**2 @ scaled_precision(hypothesis, prior_scale))
-    held_out = [np.zeros_like(gap) for gap in hypothesis.gap]
-    for fold, (run, part) in enumerate(prepared.folds):
-        rest = tuple(np.delete(part_of_fold, fold, axis=0) for part_of_fold in folds)
-        apart = _values(hypothesis, rest, prior_scale, (lower, upper))
-        # No other run foretells an event: it is told apart from what the model predicts, not predicted.
-        apart[events] = values[events]
-        held_out[run][part] = _left(hypothesis, run, part, apart)
-    return Fit(
+    fitted = Fit(
         values=values,
         covariance=np.linalg.pinv(information, hermitian=True),
         weights=weights,
         objective=sum(float(np.sum(weights * r**2)) for r in residual) + distance,
         prior_scale=prior_scale,
         residual=residual,
-        held_out=tuple(held_out),
+        held_out=(),
         bounds=(lower, upper),
     )
+    return replace(fitted, held_out=_held_out(hypothesis, fitted, folds, prepared.folds))
+
+
+def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:
+    """The fit with whole runs held out, each predicted from the others; as it is where there is only one."""
+    prepared = hypothesis.prepared
+    if len(prepared.runs) == 1 or len(prepared.runs) == len(prepared.folds):
+        return fitted
+    whole = tuple((run, slice(0, len(each.time))) for run, each in enumerate(prepared.runs))
+    of_run = np.array([run for run, _ in prepared.folds])
+    folds = tuple(
+        np.stack([part[of_run == run].sum(axis=0) for run, _ in whole])
+        for part in Normal(hypothesis).weighted(fitted.weights)
+    )
+    return replace(fitted, held_out=_held_out(hypothesis, fitted, folds, whole))
+
+
+def _held_out(
+    hypothesis: Design, fitted: Fit, sums: tuple[Array, ...], folds: Sequence[tuple[int, slice]]
+) -> tuple[Array, ...]:
+    """What is left, a run (M, n), of each fold predicted from the others. sums: the folds', weighted."""
+    events = np.concatenate(
+        [np.zeros(hypothesis.parameters, bool), *(np.full(c.count, c.is_event) for c in hypothesis.accepted)]
+    )
+    held_out = [np.zeros_like(gap) for gap in hypothesis.gap]
+    for fold, (run, part) in enumerate(folds):
+        rest = tuple(np.delete(each, fold, axis=0) for each in sums)
+        apart = _values(hypothesis, rest, fitted.prior_scale, fitted.bounds)
+        # No other run foretells an event: it is told apart from what the model predicts, not predicted.
+        apart[events] = fitted.values[events]
+        held_out[run][part] = _left(hypothesis, run, part, apart)
+    return tuple(held_out)
 
 
 def fitted_to(prepared: Prepared, accepted: Sequence[Candidate]) -> tuple[Design, Fit]:

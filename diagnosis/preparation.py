@@ -33,8 +33,8 @@ DEAD_ZONE = 0.02
 # The filter smears a wrong sign over half a cut-off period to either side.
 REACH_PERIODS = 0.5
 SMALLEST_RUN = 40
-# Blocks that stand in for runs when there is only one.
-BLOCKS = 3
+# Where there are fewer runs, blocks of each stand in for them.
+FEWEST_FOLDS = 3
 
 
 @dataclass(frozen=True)
@@ -114,12 +114,14 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     widest = max(filter_cutoff(each.sample_rate) for each in motions.values())
     bands = joint_bands(robot, list(motions.values()), widest)
     runs = tuple(_run(robot, name, thin[name], motions[name], bands) for name in thin)
-    if len(runs) > 1:
-        folds = tuple((index, slice(0, len(run.time))) for index, run in enumerate(runs))
-    else:
-        edges = np.linspace(0, len(runs[0].time), BLOCKS + 1).astype(int)
-        folds = tuple((0, slice(int(a), int(b))) for a, b in itertools.pairwise(edges))
+    each = -(-FEWEST_FOLDS // len(runs))
+    folds = tuple((index, part) for index, run in enumerate(runs) for part in _blocks(len(run.time), each))
     return Prepared(robot, runs, bands / widest, folds)
+
+
+def _blocks(samples: int, count: int) -> list[slice]:
+    edges = np.linspace(0, samples, count + 1).astype(int).tolist()
+    return [slice(*pair) for pair in itertools.pairwise(edges)]
 
 
 def thinned(recording: Recording) -> Recording:
