@@ -240,9 +240,11 @@ class Stage:
     ) -> tuple[NDArray[np.bool_], Array]:
         """Which candidates of a group show at all, and the weighted squares of their columns (C, k)."""
         size = np.einsum("j,cfjaa->ca", self.weights, squares)
-        # A window of an event may fall where nothing counts; the others still tell.
+        # A window of an event may fall where nothing counts, and what no joint feels is held at zero; the
+        # others still tell.
         event = np.array([bank.candidates[c].is_event for c in members])
-        live: NDArray[np.bool_] = np.all(size > 0, axis=1) | (event & np.any(size > 0, axis=1))
+        held = np.array([bank.candidates[c].member.upper == bank.candidates[c].member.lower for c in members])
+        live = np.all((size > 0) | held | event[:, None], axis=1) & np.any(size > 0, axis=1)
         return live, np.where(size == 0, 1.0, size)
 
     def _held_out_by_moving(

@@ -26,6 +26,34 @@ ARM = """
 </mujoco>
 """
 
+# Axes that are all upright: no joint feels how high anything is.
+SCARA = """
+<mujoco model="scara">
+  <compiler angle="radian"/>
+  <custom>
+    <numeric name="velocity_limit" data="5 6 1"/>
+    <numeric name="acceleration_limit" data="30 40 10"/>
+  </custom>
+  <worldbody>
+    <body name="inner" pos="0 0 .3">
+      <inertial pos=".16 0 .05" mass="9" diaginertia=".03 .15 .16"/>
+      <joint name="turn" axis="0 0 1" range="-2 2" armature=".6" damping="2" frictionloss="5"
+             actuatorfrcrange="-160 160"/>
+      <body name="outer" pos=".32 0 0">
+        <inertial pos=".1 0 .05" mass="5" diaginertia=".03 .1 .1"/>
+        <joint name="fold" axis="0 0 1" range="-2.4 2.4" armature=".3" damping="1" frictionloss="2"
+               actuatorfrcrange="-70 70"/>
+        <body name="quill" pos=".27 0 0">
+          <inertial pos="0 .005 -.05" mass="1.5" diaginertia=".015 .015 .001"/>
+          <joint name="lift" type="slide" axis="0 0 1" range="-.2 0" armature="3" damping="28"
+                 frictionloss="8" actuatorfrcrange="-300 300"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
 SCENARIO = """
 name: small
 model: arm.xml
@@ -36,8 +64,8 @@ validation: {runs: 1, harmonics: 4, base_frequency: 0.25 Hz}
 """
 
 
-def small_arm(folder: Path) -> Robot:
+def small_arm(folder: Path, xml: str = ARM) -> Robot:
     """The arm, from a file in this folder."""
     path = folder / "arm.xml"
-    path.write_text(ARM)
+    path.write_text(xml)
     return load_robot(path)

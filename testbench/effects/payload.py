@@ -83,27 +83,31 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     """The ten inertial columns of the last link: the base parameters swallow them.
 
     What tells is the shift of the parameters from the nominal ones along these ten; c is in the order
-    of the standard parameters, in the last link's frame.
+    of the standard parameters, in the last link's frame. What no joint feels, as a height above parallel
+    axes, is held at zero.
     """
     n = runs[0].joints
     ten = PER_JOINT * (n - 1) + np.arange(INERTIAL)
     bounds = np.array([DESCRIPTION.parameters[0].upper] * INERTIAL) * REACH
+    columns = [regressor(run.chain, run.q, run.dq, run.ddq, ten) for run in runs]
+    felt = np.any([np.any(each, axis=(0, 1)) for each in columns], axis=0)
     member = Member(
         shape={},
         rows=tuple(range(n)),
-        columns=tuple(regressor(run.chain, run.q, run.dq, run.ddq, ten) for run in runs),
-        lower=np.where(np.isin(np.arange(INERTIAL), (0, 3, 5, 9)), 0.0, -bounds),
-        upper=bounds,
+        columns=tuple(columns),
+        lower=np.where(felt & ~np.isin(np.arange(INERTIAL), (0, 3, 5, 9)), -bounds, 0.0),
+        upper=np.where(felt, bounds, 0.0),
     )
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+        of_ten = covariance[:INERTIAL, :INERTIAL] + np.diag(np.where(felt, 0.0, bounds**2))
         # From the link's frame, which the columns are in, to the body's, which the contract wants.
         turn = np.zeros((4, INERTIAL))
         turn[0, 9] = 1.0
         turn[1:, 6:9] = runs[0].body_rotation.T
         turn[1:, 9] = -runs[0].body_rotation.T @ runs[0].body_origin
         values = turn @ c
-        std = np.sqrt(np.maximum(np.diag(turn @ covariance[:INERTIAL, :INERTIAL] @ turn.T), 0.0))
+        std = np.sqrt(np.maximum(np.diag(turn @ of_ten @ turn.T), 0.0))
         return {
             "mass": Quantity(float(values[0]), float(std[0]), "kg"),
             "first_moment": Quantity(
