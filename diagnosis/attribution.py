@@ -17,6 +17,7 @@ from testbench.robot import Robot
 from .accepted import Accepted, laws_of_position
 from .candidates import EVENT, SATURATION, candidates
 from .evidence import Design, Fit, fitted_to, squares, standard_values
+from .flat_top import flat_tops
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
@@ -96,6 +97,8 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
             # It was sought last; beside it, any other trace is a rest of it.
             break
     accepted, hypothesis, fitted = _pruned(base, sized, accepted, hypothesis, fitted)
+    if SATURATION not in without:
+        accepted, hypothesis, fitted = _with_flat_tops(accepted, hypothesis, fitted)
     last = stage if hypothesis is stage.hypothesis else Stage(base, hypothesis, fitted)
     unknown = (*unclaimed(original, last, free), *laws_of_position(original, last, accepted))
     taken = {item.candidate.place for item in accepted}
@@ -174,6 +177,19 @@ def _judged_again(
 def _without(base: Ground, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
     """The hypothesis without one of its effects, fitted in full."""
     return fitted_to(base.prepared, [a.candidate for k, a in enumerate(accepted) if k != place])
+
+
+def _with_flat_tops(
+    accepted: Sequence[Accepted], hypothesis: Design, fitted: Fit
+) -> tuple[list[Accepted], Design, Fit]:
+    """The hypothesis with the limits of drives that report what they gave, which explain nothing here."""
+    known = [a.candidate.family.joint for a in accepted if a.candidate.family.effect == SATURATION]
+    found = flat_tops(hypothesis.prepared, known)
+    if not found:
+        return list(accepted), hypothesis, fitted
+    trial = fitted_to(hypothesis.prepared, [*hypothesis.accepted, *found])
+    seen = [Accepted(each, probability=1.0, rivals=(), score=0.0, share=0.0, worth=0.0) for each in found]
+    return [*accepted, *seen], *trial
 
 
 def _pruned(

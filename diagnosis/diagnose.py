@@ -10,7 +10,7 @@ from testbench.robot import Robot
 
 from .accepted import Accepted
 from .attribution import CONFUSABLE, Attribution, attribute
-from .evidence import Design, standard_values
+from .evidence import Design, Fit, on_whole_runs, standard_values
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
 from .intervals import rms_interval
 from .localisation import where
@@ -38,23 +38,27 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     """
     found = attribute(prepare(robot, recordings), without)
     prepared = found.prepared
-    gap = _gap(found)
+    only, final = (
+        (each, on_whole_runs(each, fitted))
+        for each, fitted in (found.parameters_only, (found.hypothesis, found.fitted))
+    )
+    gap = _gap(prepared, only, final)
     named = [index for index, item in enumerate(found.accepted) if item.named]
     named.sort(key=lambda index: -found.accepted[index].score)
     effects = tuple(_named(found, index) for index in named)
     verdict = _verdict(found, gap)
-    hypothesis, fitted = found.hypothesis, found.fitted
+    hypothesis, fitted = final
     return Diagnosis(
         robot=robot,
         verdict=verdict,
         sentence=_sentence(robot, verdict, effects, found, gap),
         effects=effects if verdict == "effect" else (),
         ranked=_ranked(found, verdict),
-        where=_where(found, gap, verdict),
+        where=_where(found, only, gap, verdict),
         gap=gap,
         prepared=prepared,
-        parameters_only=found.parameters_only,
-        final=(hypothesis, fitted),
+        parameters_only=only,
+        final=final,
         parameters=standard_values(prepared, fitted.values),
         timing=float(fitted.values[hypothesis.parameters - 1]),
         not_observable=found.hidden,
@@ -63,9 +67,12 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     )
 
 
-def _where(found: Attribution, gap: Gap, verdict: str) -> tuple[Share, ...]:
-    """The joints by their share of the gap; where it has no name, those with such a gap come first."""
-    shares = where(found.prepared, found.parameters_only, gap.noise_floor)
+def _where(found: Attribution, only: tuple[Design, Fit], gap: Gap, verdict: str) -> tuple[Share, ...]:
+    """The joints by their share of the gap; where it has no name, those with such a gap come first.
+
+    only: re-identification alone, with whole runs held out.
+    """
+    shares = where(found.prepared, only, gap.noise_floor)
     misfit = [item.joint for item in found.unknown] if verdict == "unknown" else []
     order = {joint: place for place, joint in enumerate(dict.fromkeys(misfit))}
     return tuple(sorted(shares, key=lambda share: order.get(share.joint, len(order))))
@@ -77,14 +84,15 @@ def _rms(runs: Sequence[Array], hypothesis: Design) -> Array:
     return np.sqrt(sum(np.sum(np.asarray(run) ** 2, axis=0) for run in runs) / counts)
 
 
-def _gap(found: Attribution) -> Gap:
-    first, first_fit = found.parameters_only
+def _gap(prepared: Prepared, only: tuple[Design, Fit], final: tuple[Design, Fit]) -> Gap:
+    """What is left of whole runs held out, by re-identification alone and with the effects."""
+    first, first_fit = only
     nominal = [np.where(used, gap, 0.0) for used, gap in zip(first.used, first.gap, strict=True)]
     parameters = _rms(first_fit.held_out, first)
-    effects = _rms(found.fitted.held_out, found.hypothesis)
-    floor = np.minimum(noise_rms(found.prepared), np.minimum(effects, parameters))
-    runs = (nominal, first_fit.held_out, found.fitted.held_out)
-    intervals = np.array([rms_interval(found.prepared, residual) for residual in runs])
+    effects = _rms(final[1].held_out, final[0])
+    floor = np.minimum(noise_rms(prepared), np.minimum(effects, parameters))
+    runs = (nominal, first_fit.held_out, final[1].held_out)
+    intervals = np.array([rms_interval(prepared, residual) for residual in runs])
     return Gap(_rms(nominal, first), parameters, effects, floor, intervals)
 
 
@@ -209,5 +217,9 @@ def _sentence(
         place = "" if effect.joint is None else f" at {robot.joint_names[effect.joint]}"
         parts.append(f"{effect.effect.replace('_', ' ')}{place}")
     closed = gap.closed
+    if not any(effect.held_out_share for effect in effects):
+        # A drive that reports what it gave: see flat_top.py.
+        named = ", ".join(parts)
+        return f"There is {named}: along the measured motion it leaves no gap, in closed loop it does."
     shrink = "" if closed is None else f"; with it the reducible gap shrinks by {closed:.0%}"
     return f"The gap comes from {', '.join(parts)}{shrink}."

@@ -1,0 +1,111 @@
+"""A drive that reports the torque it gave: its limit leaves nothing to explain, but a flat top.
+
+Along the measured motion such a robot has no gap. What tells is that the torque stays at one level while
+gravity and friction go on changing, again and again, and is never beyond; or that more was commanded.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.inverse_dynamics import inverse_dynamics
+from testbench.effects import effect
+from testbench.effects.logged import Logged
+
+from .candidates import SATURATION, Candidate, candidate
+from .preparation import Prepared
+
+Array = NDArray[np.float64]
+
+# A top is so many standard deviations of the noise to either side, and no less than this share of its level.
+DEVIATIONS, SMALLEST_WIDTH = 4.0, 0.0075
+# The so many largest torques may be beyond it by chance, and this share of those that are within it.
+LARGEST, BEYOND = 8, 0.02
+# A smooth peak has 2.4 times as many samples within its top as in what is as wide below it, and a plateau of
+# a slow sweep or of a constant acceleration may have any.
+FLAT, FEWEST, TIMES = 6.0, 15, 3
+# Seconds between one time at the limit and the next.
+APART = 0.05
+# A limit that the model has is no gap.
+OF_LIMIT = 0.97
+
+
+@dataclass(frozen=True)
+class _Top:
+    """Where a joint's torque is highest. level, width: N·m. inside: a run's samples (N,)."""
+
+    level: float
+    width: float
+    inside: list[NDArray[np.bool_]]
+
+
+def flat_tops(prepared: Prepared, known: Sequence[int | None]) -> list[Candidate]:
+    """A limit of each joint whose reported torque has a flat top; known: joints that have one already."""
+    logged = [run.logged for run in prepared.runs]
+    limits = {joint: _limit(logged, joint) for joint in range(prepared.joints) if joint not in known}
+    return [_reported(prepared, joint, limit) for joint, limit in limits.items() if limit is not None]
+
+
+def _limit(runs: Sequence[Logged], joint: int) -> float | None:
+    """N·m, or None where the torque's top is not flat."""
+    top = _top([run.tau[:, joint] for run in runs])
+    if top is None or top.level > OF_LIMIT * runs[0].limits.torque[joint]:
+        return None
+    return top.level if _is_held_back(runs, joint, top) else None
+
+
+def _top(torque: Sequence[Array]) -> _Top | None:
+    """The level that is passed by chance only, if some run is far more often there than just below."""
+    size = [np.abs(each) for each in torque]
+    pooled = np.sort(np.concatenate(size))
+    if len(pooled) < FEWEST or pooled[-1] == 0:
+        return None
+    # The median of second differences leaves out steps; the torque itself is smooth.
+    noise = np.median(np.abs(np.concatenate([np.diff(each, 2) for each in torque]))) / 0.6745 / np.sqrt(6)
+    highest = float(pooled[-LARGEST])
+    width = float(max(DEVIATIONS * noise, SMALLEST_WIDTH * highest))
+    level = float(np.median(pooled[np.abs(pooled - highest) < 2 * width]))
+    inside = [np.abs(each - level) <= width for each in size]
+    below = [np.abs(each - level + 2 * width) < width for each in size]
+    flat = any(i.sum() >= FEWEST and i.sum() > FLAT * b.sum() for i, b in zip(inside, below, strict=True))
+    beyond = float(np.sum(pooled > level + width))
+    if not flat or beyond > BEYOND * sum(float(i.sum()) for i in inside):
+        return None
+    return _Top(level, width, inside)
+
+
+def _bouts(time: Array) -> int:
+    """How many times it is there."""
+    return int(len(time) > 0) + int(np.sum(np.diff(time) > APART))
+
+
+def _is_held_back(runs: Sequence[Logged], joint: int, top: _Top) -> bool:
+    """Whether more was asked for; where no command was logged, whether what else changes never shows."""
+    sign = [np.sign(run.tau[inside, joint]) for run, inside in zip(runs, top.inside, strict=True)]
+    if all(run.torque_command is not None for run in runs):
+        asked = [
+            s * run.torque_command[inside, joint]
+            for s, run, inside in zip(sign, runs, top.inside, strict=True)
+            if run.torque_command is not None
+        ]
+        return bool(np.mean(np.concatenate(asked)) > top.level + top.width)
+    bouts = sum(_bouts(run.time[inside]) for run, inside in zip(runs, top.inside, strict=True))
+    if bouts < TIMES:
+        return False
+    still = []
+    for s, run, inside in zip(sign, runs, top.inside, strict=True):
+        q, dq = run.q[inside], run.dq[inside]
+        torque = inverse_dynamics(run.chain, run.parameters, q, dq, np.zeros_like(q))
+        still.append(s * torque[:, joint])
+    return bool(np.std(np.concatenate(still)) > top.width)
+
+
+def _reported(prepared: Prepared, joint: int, limit: float) -> Candidate:
+    """The limit as an effect of which these runs' torque has nothing: what it cut off was never reported."""
+    family = effect(SATURATION).signature([run.logged for run in prepared.runs], joint, None)
+    assert family.member is not None
+    member = family.member({"limit": limit})
+    nothing = tuple(np.zeros_like(columns) for columns in member.columns)
+    return candidate(prepared, family, replace(member, columns=nothing))

@@ -1,0 +1,92 @@
+"""Drives that report the torque they gave: no gap, but a limit that is seen in what they report."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.diagnose import diagnose
+from diagnosis.flat_top import flat_tops
+from diagnosis.preparation import prepare
+from identification.inverse_dynamics import inverse_dynamics
+from testbench.effects import parse_injection
+from testbench.log import Recording
+from testbench.robot import Robot
+from tests.diagnosed import simulated_runs
+from tests.small_arm import small_arm
+
+SHARE = 0.04
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return small_arm(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def limit(arm: Robot) -> float:
+    torque = np.concatenate([run.torque[:, 1] for run in simulated_runs(arm, [], runs=3).values()])
+    return float(np.quantile(np.abs(torque), 1 - SHARE))
+
+
+def _delivered(arm: Robot, limit: float, is_command_logged: bool) -> dict[str, Recording]:
+    """Runs of an elbow's drive that clips and reports what it gave, noise and all."""
+    fault = parse_injection(arm, f"torque_saturation:elbow:limit={limit}")
+    rng, runs = np.random.default_rng(1), {}
+    for name, run in simulated_runs(arm, [fault], runs=3, noise=0.0).items():
+        torque = run.torque.copy()
+        torque[:, 1] = np.clip(torque[:, 1], -limit, limit)
+        torque += rng.normal(0, 0.01, torque.shape)
+        command = run.torque_command if is_command_logged else None
+        runs[name] = replace(run, torque=torque, torque_command=command)
+    return runs
+
+
+@pytest.mark.parametrize("is_command_logged", [True, False])
+def test_the_limit_is_named_where_nothing_else_changes_the_torque(arm, limit, is_command_logged):
+    found = diagnose(arm, _delivered(arm, limit, is_command_logged))
+    assert [(e.effect, e.joint) for e in found.effects] == [("torque_saturation", 1)]
+    # Four deviations of the level's median: 1.25 sigma / sqrt(samples at the limit), sigma 0.01 N·m.
+    at_limit = SHARE * sum(len(run.time) for run in _delivered(arm, limit, False).values())
+    tolerance = 4 * 1.25 * 0.01 / np.sqrt(at_limit)
+    assert found.effects[0].parameters["limit"].value == pytest.approx(limit, abs=tolerance)
+    assert "no gap" in found.sentence
+
+
+def test_a_command_that_asks_for_no_more_is_no_limit(arm, limit):
+    runs = {
+        name: replace(run, torque_command=np.clip(run.torque, -limit, limit))
+        for name, run in _delivered(arm, limit, True).items()
+    }
+    assert flat_tops(prepare(arm, runs), []) == []
+
+
+def test_a_limit_that_the_model_has_is_no_gap(arm, limit):
+    torque = np.array([arm.limits.torque[0], limit])
+    limited = replace(arm, limits=replace(arm.limits, torque=torque))
+    assert flat_tops(prepare(limited, _delivered(arm, limit, False)), []) == []
+
+
+def test_friction_of_a_steady_sweep_is_no_limit(arm):
+    """Up and down at one speed: the largest torque is friction's, for long, and again and again."""
+    time = np.arange(20_000) / 1000
+    speed = np.tanh(6 * np.sin(2 * np.pi * 0.1 * time))
+    still = np.zeros_like(speed)
+    q = np.column_stack([still, np.cumsum(speed) / 1000 - 2])
+    dq = np.column_stack([still, speed])
+    ddq = np.gradient(dq, time, axis=0)
+    torque = inverse_dynamics(arm.chain, arm.parameters, q, dq, ddq)
+    torque += np.random.default_rng(2).normal(0, 0.01, torque.shape)
+    (run,) = simulated_runs(arm, [], runs=1).values()
+    nothing = dict.fromkeys(
+        ("torque_command", "reference_position", "reference_velocity", "reference_acceleration")
+    )
+    prepared = prepare(arm, {"sweep": replace(run, time=time, position=q, torque=torque, **nothing)})
+    assert flat_tops(prepared, []) == []
+    # Of the same torque nothing but the motion tells: had gravity changed on the way, it would be a limit.
+    lifted = replace(prepared.runs[0].logged, q=prepared.runs[0].logged.q + np.array([0.8, 0.0]))
+    assert len(flat_tops(replace(prepared, runs=(replace(prepared.runs[0], logged=lifted),)), [])) == 1
+
+
+def test_healthy_drives_have_none(arm):
+    assert flat_tops(prepare(arm, simulated_runs(arm, [], runs=3)), []) == []
