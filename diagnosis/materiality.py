@@ -65,6 +65,8 @@ HEALTHY: Mapping[str, float] = {
     # Ripple's typical range is of the torque limit, and few motions need so much.
     "transmission_ripple": 0.4,
     "torque_delay": 12.0,
+    # Joints of one bus are sampled up to a millisecond apart.
+    "actuator_lag": 3.0,
     "encoder_eccentricity": 500.0,
     "encoder_offset": 15.0,
     # Torque constants are known to a few per cent.

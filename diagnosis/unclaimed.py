@@ -1,16 +1,18 @@
 """Structure that the hypothesis leaves: where a free function of the motion explains what no effect does."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .candidates import FREE
-from .evidence import squares
+from .evidence import DELAY, design, fit, squares
 from .generic import RUN_TIME
 from .likelihood import weigh
+from .localisation import regime_shares
 from .noise import noise_rms
-from .spectrum import slow_share
+from .spectrum import PERIODIC, SPECTRAL, slow_share
 from .weighing import Bank, Gain, Stage
 
 Array = NDArray[np.float64]
@@ -29,7 +31,13 @@ MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
 # spring's next to nothing.
 STANDING_OUT_TORQUE, STANDING_OUT, STANDING_OUT_LEFT, SPRING_LEFT = 0.03, 3.0, 0.37, 0.12
 SPRINGS = {"gravity_spring", "cable_spring"}
-NOTHING = "nothing that was tried"
+# Or is not noise because some part of the motion has so many times its share of it.
+DENSE = 2.0
+# A period counts from so many times the share that chance gives one.
+MORE_THAN_CHANCE = 2.0
+# Seconds: torque and position are sampled less than this apart.
+LATE = 2.4e-3
+NOTHING, TIMING = "nothing that was tried", "rate of torque"
 
 
 @dataclass(frozen=True)
@@ -73,35 +81,84 @@ def unclaimed(first: Stage, last: Stage, free: Bank) -> tuple[Unclaimed, ...]:
 
     first: re-identification alone. last: with all effects taken in. free: candidates of generic.py.
     """
-    explained = first.held_squares - last.held_squares
     found: dict[int, Unclaimed] = {}
+    for each in (*_of_free_functions(first, last, free), *_of_periods(first, last), *_of_timing(last)):
+        if each.joint not in found or each.share > found[each.joint].share:
+            found[each.joint] = each
+    for each in _of_nothing(first, last):
+        found.setdefault(each.joint, each)
+    return tuple(sorted(found.values(), key=lambda item: -item.share))
+
+
+def _of_free_functions(first: Stage, last: Stage, free: Bank) -> Iterator[Unclaimed]:
+    """What smooth functions of the motion foretell."""
     for weighed in weigh(last, free):
         joint = weighed.candidate.family.joint
         assert joint is not None
-        more = float(weighed.gain.held_out[joint])
-        if last.shares(weighed.gain)[joint] < SMALLEST_SHARE:
-            continue
-        if last.removed(weighed.gain)[joint] < SMALLEST_TORQUE * last.ground.torque_rms[joint]:
-            continue
-        if more < SHARE_OF_GAP * first.held_squares[joint] or more < SHARE_OF_EXPLAINED * explained[joint]:
-            continue
-        share = more / float(first.held_squares[joint])
-        if joint not in found or share > found[joint].share:
-            regime = weighed.candidate.family.effect.removeprefix(FREE)
-            found[joint] = Unclaimed(joint, regime, share)
-    rms = np.sqrt(last.held_squares / np.maximum(last.counts, 1))
-    relative, noise = rms / last.ground.torque_rms, rms / noise_rms(last.prepared)
-    unfit = (relative > MISFIT_TORQUE) & (noise > MISFIT_NOISE)
+        regime = weighed.candidate.family.effect.removeprefix(FREE)
+        yield from _if_enough(first, last, joint, regime, float(weighed.gain.held_out[joint]))
+
+
+def _of_periods(first: Stage, last: Stage) -> Iterator[Unclaimed]:
+    """What repeats with the position, too often for a smooth function."""
+    for joint in np.flatnonzero(_relative(last) > SMALLEST_TORQUE).tolist():
+        for each in regime_shares(last.prepared, last.fitted.held_out, last.hypothesis.used, joint):
+            if each.aspect == PERIODIC and each.concentration > MORE_THAN_CHANCE:
+                yield from _if_enough(
+                    first, last, joint, each.regime, each.share * float(last.held_squares[joint])
+                )
+
+
+def _if_enough(first: Stage, last: Stage, joint: int, regime: str, more: float) -> Iterator[Unclaimed]:
+    """A joint's regime, if a function of it explains enough. more: its held-out squares that it removes."""
+    explained = float(first.held_squares[joint] - last.held_squares[joint])
+    torque = np.sqrt(max(more, 0.0) / max(float(last.counts[joint]), 1.0))
+    if (
+        more >= SMALLEST_SHARE * last.held_squares[joint]
+        and torque >= SMALLEST_TORQUE * last.ground.torque_rms[joint]
+        and more >= SHARE_OF_GAP * first.held_squares[joint]
+        and more >= SHARE_OF_EXPLAINED * explained
+    ):
+        yield Unclaimed(joint, regime, more / float(first.held_squares[joint]))
+
+
+def _of_timing(last: Stage) -> Iterator[Unclaimed]:
+    """What a common delay explains that is longer than between the sampling of torque and of position."""
+    hypothesis = last.hypothesis
+    delayed = any(each.family.effect == DELAY for each in hypothesis.accepted)
+    if delayed or abs(last.fitted.values[hypothesis.parameters - 1]) < LATE:
+        return
+    in_time = squares(
+        fit(last.prepared, design(last.prepared, hypothesis.accepted, is_delayed=True)).held_out
+    )
+    share = 1 - last.held_squares / np.maximum(in_time, 1e-300)
+    joint = int(np.argmax(share))
+    yield Unclaimed(joint, TIMING, float(share[joint]))
+
+
+def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
+    """What is too much to be nothing, and follows nothing."""
+    relative, noise = _relative(last), _rms(last) / noise_rms(last.prepared)
     left = last.held_squares / np.maximum(first.held_squares, 1e-300)
-    unfit &= left > MISFIT_LEFT
+    unfit = (relative > MISFIT_TORQUE) & (left > MISFIT_LEFT)
     stands_out = (relative > STANDING_OUT_TORQUE) & (relative > STANDING_OUT * np.median(relative))
     sprung = {each.family.joint for each in last.hypothesis.accepted if each.family.effect in SPRINGS}
     most = np.where([joint in sprung for joint in range(len(left))], SPRING_LEFT, STANDING_OUT_LEFT)
-    for joint in np.flatnonzero(stands_out & (left > most)).tolist():
-        unfit[joint] |= _is_slow(last, joint)
-    for joint in np.flatnonzero(unfit).tolist():
-        found.setdefault(joint, Unclaimed(joint, NOTHING, min(float(left[joint]), 1.0)))
-    return tuple(sorted(found.values(), key=lambda item: -item.share))
+    stands_out &= left > most
+    for joint in np.flatnonzero(unfit | stands_out).tolist():
+        is_large = unfit[joint] and noise[joint] > MISFIT_NOISE
+        if is_large or (stands_out[joint] and _is_slow(last, joint)) or _is_dense(last, joint):
+            yield Unclaimed(joint, NOTHING, min(float(left[joint]), 1.0))
+
+
+def _rms(stage: Stage) -> Array:
+    """RMS of each joint's held-out residual, (n,) N·m."""
+    return np.sqrt(stage.held_squares / np.maximum(stage.counts, 1))
+
+
+def _relative(stage: Stage) -> Array:
+    """The same by the joint's RMS torque."""
+    return _rms(stage) / stage.ground.torque_rms
 
 
 def _is_slow(stage: Stage, joint: int) -> bool:
@@ -110,3 +167,9 @@ def _is_slow(stage: Stage, joint: int) -> bool:
     residual = [run[:, joint] for run in fitted.held_out]
     share, expected = slow_share(stage.prepared.runs, joint, residual, [run[:, joint] for run in used])
     return share > (1 + expected) / 2
+
+
+def _is_dense(stage: Stage, joint: int) -> bool:
+    """Whether some part of the motion surely has so many times the residual that noise would have there."""
+    shares = regime_shares(stage.prepared, stage.fitted.held_out, stage.hypothesis.used, joint)
+    return any(each.low > DENSE * each.expected for each in shares if each.aspect not in SPECTRAL)

@@ -11,7 +11,7 @@ from testbench.effects import parse_injection
 from testbench.log import read_log
 from testbench.robot import load_robot
 from tests.diagnosed import simulated_runs
-from tests.small_arm import small_arm
+from tests.small_arm import SCARA, small_arm
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +130,26 @@ def test_an_effect_that_is_taken_out_of_the_catalogue_is_not_named(arm):
     found = _diagnosis(arm, text, without=("transmission_ripple", "external_contact"))
     assert all(effect.effect != "transmission_ripple" for effect in found.effects)
     assert found.where[0].joint == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "followed"),
+    [("transmission_ripple:elbow:amplitude=0.8,cycles=40", "cycles"), ("torque_delay::delay=0.006", "rate")],
+)
+def test_what_is_too_quick_for_a_smooth_function_is_unknown_without_its_law(arm, text, followed):
+    found = _diagnosis(arm, text, without=(text.split(":")[0],))
+    assert found.verdict == "unknown"
+    assert followed in found.notes[0]
+
+
+def test_a_payload_is_named_on_an_arm_that_does_not_feel_its_height(tmp_path):
+    scara = small_arm(tmp_path, SCARA)
+    found = _diagnosis(scara, "payload::mass=2.5,first_moment_x=0.1,first_moment_y=0.02,first_moment_z=-0.2")
+    assert [effect.effect for effect in found.effects] == ["payload"]
+    mass, moment = (found.effects[0].parameters[name] for name in ("mass", "first_moment"))
+    assert abs(mass.value - 2.5) < 4 * mass.std
+    # Nothing is said of the height.
+    assert moment.std[2] > 100 * max(moment.std[:2])
 
 
 def test_truth_in_a_log_changes_nothing(arm):

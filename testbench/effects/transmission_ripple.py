@@ -51,7 +51,7 @@ FULL_LOAD, UNLOADED = 0.2, 0.5
 HARMONIC, SECOND, MODULATED = range(3)
 
 # Cycles a revolution; what is slower is a spring's business.
-LOWEST, HIGHEST = 6.0, 150.0
+LOWEST, HIGHEST = 5.0, 150.0
 PEAKS = 4
 # Slower than this share of its greatest speed a joint shows no ripple, only friction's reversal.
 MOVING = 0.05
