@@ -20,8 +20,8 @@ class Accepted:
 
     score: log-likelihood that it added. share: of some joint's held-out squared residual, the largest. worth:
     mean squares that it took off the joints' residuals, each by its own torque, summed. named: whether it is
-    larger than on any healthy robot. is_trace: found by a trace that only shows beside every joint's
-    imperfections.
+    larger than on any healthy robot. is_certain: whether its size is known well enough for that. is_trace:
+    found by a trace that only shows beside every joint's imperfections.
     """
 
     candidate: Candidate
@@ -31,6 +31,7 @@ class Accepted:
     share: float
     worth: float
     named: bool = True
+    is_certain: bool = True
     is_trace: bool = False
 
 

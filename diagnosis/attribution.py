@@ -22,7 +22,7 @@ from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
 from .linearisation import RELINEARISED, first_linearised, linearised_anew
-from .materiality import is_beyond_healthy, is_main, is_material, with_friction
+from .materiality import is_beyond_healthy, is_main, is_material, is_obvious, with_friction
 from .observability import not_observable
 from .preparation import Prepared
 from .round import Found, Search
@@ -32,7 +32,7 @@ from .weighing import Bank, Stage
 
 Array = NDArray[np.float64]
 
-MOST_EFFECTS, MOST_TERMS = 6, 10
+MOST_EFFECTS, MOST_TERMS = 6, 16
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
@@ -100,7 +100,9 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     if SATURATION not in without:
         accepted, hypothesis, fitted = _with_flat_tops(accepted, hypothesis, fitted)
     last = stage if hypothesis is stage.hypothesis else Stage(base, hypothesis, fitted)
-    unknown = (*unclaimed(original, last, free), *laws_of_position(original, last, accepted))
+    certain = [a.candidate for a in accepted if a.is_certain]
+    sure = None if len(certain) == len(accepted) else Stage(base, *fitted_to(base.prepared, certain))
+    unknown = (*unclaimed(original, last, free, sure), *laws_of_position(original, last, accepted))
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
     hidden = not_observable(sized, base.torque_rms, open_)
@@ -134,7 +136,7 @@ def _accepted(
         (best.candidate, found.trial[1].values[-best.candidate.count :]),
         *((w.candidate, w.gain.coefficients) for w, p in found.rivals if p > CONFUSABLE),
     ]
-    beyond = all(is_beyond_healthy(sized, torque_rms, *each) for each in sizes)
+    beyond = is_obvious(stage, best.gain) or all(is_beyond_healthy(sized, torque_rms, *s) for s in sizes)
     # What a push leaves is where it was.
     somewhere = {a.candidate.family.joint for a in before if a.named and not a.candidate.is_event}
     main = is_main(sized, apart, stage, best, somewhere, rest)
@@ -147,6 +149,7 @@ def _accepted(
         share=float(stage.shares(best.gain).max()),
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
         named=beyond and main and found.is_certain(stage),
+        is_certain=found.is_certain(stage),
         is_trace=found.is_trace,
     )
 
@@ -169,6 +172,7 @@ def _judged_again(
         gain = stage.gain(item.candidate)
         if gain is not None:
             trial = stage.with_effects([item.candidate])
+            gain = stage.as_fitted(gain, trial)
             best = Weighed(gain, gained(stage, gain))
             found[place] = _accepted(Found(best, item.rivals, trial), stage, apart, sized, others, rest)
     return found

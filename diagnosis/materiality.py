@@ -18,7 +18,7 @@ from testbench.effects.size import scale_of, typical_range
 from testbench.robot import Robot
 
 from .candidates import Candidate
-from .evidence import DELAY
+from .evidence import DELAY, LATE
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
 from .weighing import Gain, Stage
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 # Share of a joint's held-out squared residual, and of its RMS torque, that an effect must explain ...
 SMALLEST_SHARE = 0.10
-SMALLEST_TORQUE = 0.006
+SMALLEST_TORQUE = 0.005
 # ... or the log-likelihood of the parameters' shift that it must spare, where it is swallowed by them.
 SMALLEST_SHIFT = 7.5
 # And what must be left of that with what it does to runs left out.
@@ -77,6 +77,18 @@ HEALTHY: Mapping[str, float] = {
     "external_contact": 0.0,
 }
 HEALTHY_ELSE = 0.8
+# Whatever its size in its own terms, no healthy joint has one of these that is this share of its torque, and
+# this share of what re-identification leaves there. Of a wrist's torque the cables may be as much.
+OF_THE_JOINT = (
+    "stribeck_friction",
+    "asymmetric_friction",
+    "nonlinear_viscous_friction",
+    "load_dependent_friction",
+    "thermal_friction_drift",
+    "transmission_ripple",
+    "joint_coupling",
+)
+OBVIOUS_TORQUE, OBVIOUS_SHARE = 0.04, 0.5
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
 BRISTLES, SMALLEST_LEVEL = "presliding_hysteresis", 0.55
 # Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
@@ -93,10 +105,15 @@ LARGEST: Mapping[str, float] = {
 }
 # And of a law beside an effect's first.
 LARGEST_BY_LAW = 3.0
+# N·m are judged against this share of the joint's torque, at least.
+LEAST_SIZE = 0.006
 # No motion is free of a ripple of a hundredth of the joint's torque: an amplitude of .4 of this is beyond it.
-RIPPLE, RIPPLE_TORQUE = "transmission_ripple", 0.025
+RIPPLE, RIPPLE_TORQUE = "transmission_ripple", 0.03
 # A spring that holds less than this share of the Coulomb friction may be any cable.
 SPRING, SPRING_COULOMB = "gravity_spring", 0.1
+# One that the parameters swallow must bring them nearer to the model's, but for this log-likelihood: else the
+# two only make up for each other.
+FARTHER = -2.0
 # The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the viscous
 # torque by this share, if mildly.
 BENDING, BENT = "nonlinear_viscous_friction", 0.1
@@ -149,6 +166,8 @@ def is_main(
     shares = gain.held_out / np.maximum(first.held_squares, 1e-300)
     if gain.candidate.is_event:
         return True
+    if family.effect == SPRING and gain.overlap > HIDDEN_OVERLAP and gained_by_shift(stage, gain) < FARTHER:
+        return False
     elsewhere = max((w.score for w in rest if w.candidate.family.joint != family.joint), default=0.0)
     if family.joint is not None and family.joint in named:
         large = stage.removed(gain)[family.joint] > SECOND_TORQUE * stage.ground.torque_rms[family.joint]
@@ -168,10 +187,14 @@ def is_main(
 def _is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     """Whether it is told by its size, and that is certainly larger than a healthy robot's."""
     family, gain = weighed.candidate.family, weighed.gain
+    if family.effect == DELAY:
+        # What a delay and the timing of the log make of each other is a derivative, not a delay.
+        if gained_by_shift(stage, gain) < 0:
+            return False
+        # All torque is late, whatever it is called.
+        if abs(stage.timing) > LATE:
+            return True
     if family.effect not in TOLD_BY_SIZE or weighed.score < SMALLEST_GAIN:
-        return False
-    # What a delay and the timing of the log make of each other is a derivative, not a delay.
-    if family.effect == DELAY and gained_by_shift(stage, gain) < 0:
         return False
     own = list(gain.candidate.member.rows)
     seen = stage.removed(gain)[own] > SMALLEST_TORQUE * stage.ground.torque_rms[own]
@@ -195,6 +218,15 @@ def _is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain) -> bool:
         return False
     least = (1 - BEYOND / np.sqrt(wald)) * gain.coefficients
     return is_beyond_healthy(robot, stage.ground.torque_rms, gain.candidate, least)
+
+
+def is_obvious(stage: Stage, gain: Gain) -> bool:
+    """Whether it takes more torque off its joint's error than any healthy robot would have there."""
+    family = gain.candidate.family
+    if family.effect not in OF_THE_JOINT:
+        return False
+    torque = stage.removed(gain)[family.joint] / stage.ground.torque_rms[family.joint]
+    return bool(torque > OBVIOUS_TORQUE and stage.shares(gain)[family.joint] > OBVIOUS_SHARE)
 
 
 def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
@@ -241,7 +273,7 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
     for name in SIZES.get(family.effect, (description.parameters[0].name,)):
         mild, severe = typical_range(known[name], robot, family.joint)
         if family.joint is not None and known[name].unit == "N·m":
-            least = RIPPLE_TORQUE if family.effect == RIPPLE else SMALLEST_TORQUE
+            least = RIPPLE_TORQUE if family.effect == RIPPLE else LEAST_SIZE
             mild = max(mild, least * float(torque_scale[family.joint]))
             if family.effect == SPRING:
                 mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))

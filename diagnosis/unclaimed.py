@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .candidates import FREE
-from .evidence import DELAY, design, fit, squares
+from .evidence import DELAY, LATE, design, fit, squares
 from .generic import RUN_TIME
 from .likelihood import weigh
 from .localisation import regime_shares
@@ -35,8 +35,7 @@ SPRINGS = {"gravity_spring", "cable_spring"}
 DENSE = 2.0
 # A period counts from so many times the share that chance gives one.
 MORE_THAN_CHANCE = 2.0
-# Seconds: torque and position are sampled less than this apart.
-LATE = 2.4e-3
+WORSE = 0.1
 NOTHING, TIMING = "nothing that was tried", "rate of torque"
 
 
@@ -76,16 +75,17 @@ def _of_motion(stage: Stage, free: Bank) -> list[Gain]:
     return [gain for gain in gains if gain.candidate.family.effect != FREE + RUN_TIME]
 
 
-def unclaimed(first: Stage, last: Stage, free: Bank) -> tuple[Unclaimed, ...]:
+def unclaimed(first: Stage, last: Stage, free: Bank, certain: Stage | None = None) -> tuple[Unclaimed, ...]:
     """The joints at which a function free of any law explains what the hypothesis does not, largest first.
 
-    first: re-identification alone. last: with all effects taken in. free: candidates of generic.py.
+    first: re-identification alone. last: with all effects taken in. free: candidates of generic.py. certain:
+    with those alone whose size is known, if not all are: the others take a part of anything.
     """
     found: dict[int, Unclaimed] = {}
     for each in (*_of_free_functions(first, last, free), *_of_periods(first, last), *_of_timing(last)):
         if each.joint not in found or each.share > found[each.joint].share:
             found[each.joint] = each
-    for each in _of_nothing(first, last):
+    for each in _of_nothing(first, last if certain is None else certain):
         found.setdefault(each.joint, each)
     return tuple(sorted(found.values(), key=lambda item: -item.share))
 
@@ -126,7 +126,7 @@ def _of_timing(last: Stage) -> Iterator[Unclaimed]:
     """What a common delay explains that is longer than between the sampling of torque and of position."""
     hypothesis = last.hypothesis
     delayed = any(each.family.effect == DELAY for each in hypothesis.accepted)
-    if delayed or abs(last.fitted.values[hypothesis.parameters - 1]) < LATE:
+    if delayed or abs(last.timing) < LATE:
         return
     in_time = squares(
         fit(last.prepared, design(last.prepared, hypothesis.accepted, is_delayed=True)).held_out
@@ -144,7 +144,8 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     stands_out = (relative > STANDING_OUT_TORQUE) & (relative > STANDING_OUT * np.median(relative))
     sprung = {each.family.joint for each in last.hypothesis.accepted if each.family.effect in SPRINGS}
     most = np.where([joint in sprung for joint in range(len(left))], SPRING_LEFT, STANDING_OUT_LEFT)
-    stands_out &= left > most
+    # What is worse than without any effect says nothing of the robot.
+    stands_out &= (left > most) & (left < 1 + WORSE)
     for joint in np.flatnonzero(unfit | stands_out).tolist():
         is_large = unfit[joint] and noise[joint] > MISFIT_NOISE
         if is_large or (stands_out[joint] and _is_slow(last, joint)) or _is_dense(last, joint):

@@ -133,6 +133,11 @@ class Stage:
         return fitted_to(self.prepared, [*self.hypothesis.accepted, *more])
 
     @property
+    def timing(self) -> float:
+        """Seconds by which the hypothesis has all torque late, beside its effects."""
+        return float(self.fitted.values[self.hypothesis.parameters - 1])
+
+    @property
     def prior(self) -> float:
         """Log-prior of the hypothesis's parameters."""
         return float(log_prior(self.hypothesis, self.fitted.values))

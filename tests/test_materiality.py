@@ -1,13 +1,19 @@
 """What is worth a name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from diagnosis.candidates import candidates
+from diagnosis.evidence import fitted_to
 from diagnosis.ground import ground
-from diagnosis.materiality import is_beyond_healthy, is_plausible
+from diagnosis.likelihood import Weighed
+from diagnosis.materiality import is_beyond_healthy, is_main, is_obvious, is_plausible
 from diagnosis.preparation import prepare
+from diagnosis.weighing import Stage
 from identification.parameters import COULOMB
+from testbench.effects import parse_injection
 from testbench.effects.size import scale_of
 
 from .diagnosed import simulated_runs
@@ -34,3 +40,28 @@ def test_a_gas_spring_stronger_than_any_counterbalance_is_another_law(tmp_path, 
     gas = next(c for c in candidates(prepared, only=["gravity_spring"]) if c.member.law == "gas_spring")
     stiffness = share * scale_of("gravity", arm, gas.family.joint)
     assert is_plausible(arm, gas, np.array([stiffness])) == is_met
+
+
+def _weighed(arm, text, shape):
+    """The stage without effects of runs with this fault, and the fault's own candidate there."""
+    prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3))
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    name = text.split(":")[0]
+    own = [c for c in candidates(prepared, only=[name]) if c.family.joint == 0 and shape(c.member)]
+    gains = [gain for c in own if (gain := stage.gain(c)) is not None]
+    return stage, max(gains, key=lambda gain: gain.objective)
+
+
+@pytest.mark.parametrize(("amplitude", "expected"), [(3.0, True), (0.3, False)])
+def test_what_takes_more_torque_than_any_healthy_joint_has_is_obvious(tmp_path, amplitude, expected):
+    text = f"transmission_ripple:shoulder:amplitude={amplitude},cycles=12"
+    assert is_obvious(*_weighed(small_arm(tmp_path), text, lambda member: True)) == expected
+
+
+@pytest.mark.parametrize(("shift", "expected"), [(0.0, True), (-5.0, False)])
+def test_a_swallowed_spring_brings_the_parameters_nearer_to_the_models(tmp_path, shift, expected):
+    arm = small_arm(tmp_path)
+    text = "gravity_spring:shoulder:stiffness=3,phase=0.7,law=gas_spring"
+    stage, gain = _weighed(arm, text, lambda member: member.law == "gas_spring")
+    swallowed = replace(gain, overlap=0.95, prior=stage.prior + shift)
+    assert is_main(arm, stage, stage, Weighed(swallowed, 500.0), (), ()) == expected
