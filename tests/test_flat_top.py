@@ -8,6 +8,7 @@ import pytest
 from diagnosis.diagnose import diagnose
 from diagnosis.flat_top import flat_tops
 from diagnosis.preparation import prepare
+from diagnosis.report.signature import signature
 from identification.inverse_dynamics import inverse_dynamics
 from testbench.effects import parse_injection
 from testbench.log import Recording
@@ -51,6 +52,11 @@ def test_the_limit_is_named_where_nothing_else_changes_the_torque(arm, limit, is
     tolerance = 4 * 1.25 * 0.01 / np.sqrt(at_limit)
     assert found.effects[0].parameters["limit"].value == pytest.approx(limit, abs=tolerance)
     assert "no gap" in found.sentence
+    drawn = signature(found, found.effects[0])
+    assert [trace.type for trace in drawn.data] == ["scatter", "bar"]
+    assert {shape.y0 for shape in drawn.layout.shapes if shape.y0 == shape.y1} >= {
+        found.effects[0].parameters["limit"].value
+    }
 
 
 def test_a_command_that_asks_for_no_more_is_no_limit(arm, limit):

@@ -9,6 +9,7 @@ from testbench.report.style import MUTED, PREDICTED, TEMPLATE, binned_mean, enve
 
 from ..findings import Diagnosis, NamedEffect
 from .figures import POINTS, scale
+from .reported_limit import reported_limit
 from .words import labelled, place
 
 Array = NDArray[np.float64]
@@ -19,12 +20,16 @@ BINS, FEWEST = 30, 4
 def signature(diagnosis: Diagnosis, named: NamedEffect) -> go.Figure:
     """What is left without the effect over velocity, position and time, with the fitted law over it.
 
+    Of a limit that leaves nothing (flat_top.py), the torque itself.
+
     The residual before is the final model's with this effect's own torque put back, so that the points
     do not depend on what re-identification alone would have swallowed.
     """
     joint = _shown_joint(diagnosis, named)
     robot, runs = diagnosis.robot, diagnosis.prepared.runs
     law, before = partial_residual(diagnosis, named)
+    if not any(torque.any() for torque in law):
+        return reported_limit(diagnosis, named)
     used = np.concatenate([run.used[:, joint] for run in runs])
     # A coupling's friction is on the summed speed of its two joints.
     moving = [joint] if named.into is None or named.joint is None else [named.joint, named.into]
