@@ -170,19 +170,16 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
     return scale * found.x
 
 
-def fit(prepared: Prepared, hypothesis: Design) -> Fit:
-    """Weights, prior scale and values estimated in turn; then every fold predicted from the others."""
+def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:
+    """Weights, prior scale and values estimated in turn; then every fold predicted from the others.
+
+    like: with this fit's weights and prior scale instead, by which hypotheses can be compared.
+    """
     normal = Normal(hypothesis)
     lower, upper = bounds(hypothesis)
-    weights = 1 / np.maximum(np.var(np.concatenate(hypothesis.gap), axis=0), 1e-30)
-    prior_scale = 1.0
-    count = determined(prepared)
-    for _ in range(WEIGHT_PASSES):
-        values = _values(hypothesis, normal.weighted(weights), prior_scale, (lower, upper))
-        residual = _residual(hypothesis, values)
-        variance, inflation = variance_inflation(residual, hypothesis.used)
-        weights = 1 / np.maximum(variance * np.minimum(inflation, LARGEST_INFLATION), 1e-30)
-        prior_scale = 1.0 + float(prior_distance(hypothesis, values)) / count
+    weights, prior_scale = (
+        _weights_and_scale(hypothesis, normal) if like is None else (like.weights, like.prior_scale)
+    )
     folds = normal.weighted(weights)
     information = folds[0].sum(axis=0)
     information[np.diag_indices_from(information)] += scaled_precision(hypothesis, prior_scale) + RIDGE
@@ -200,6 +197,19 @@ def fit(prepared: Prepared, hypothesis: Design) -> Fit:
         bounds=(lower, upper),
     )
     return replace(fitted, held_out=_held_out(hypothesis, fitted, folds, prepared.folds))
+
+
+def _weights_and_scale(hypothesis: Design, normal: Normal) -> tuple[Array, float]:
+    """One over each joint's long-run residual variance (n,), and the prior's variance scale, in turn."""
+    weights = 1 / np.maximum(np.var(np.concatenate(hypothesis.gap), axis=0), 1e-30)
+    prior_scale = 1.0
+    for _ in range(WEIGHT_PASSES):
+        values = _values(hypothesis, normal.weighted(weights), prior_scale, bounds(hypothesis))
+        residual = _residual(hypothesis, values)
+        variance, inflation = variance_inflation(residual, hypothesis.used)
+        weights = 1 / np.maximum(variance * np.minimum(inflation, LARGEST_INFLATION), 1e-30)
+        prior_scale = 1.0 + float(prior_distance(hypothesis, values)) / determined(hypothesis.prepared)
+    return weights, prior_scale
 
 
 def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:

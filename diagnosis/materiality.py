@@ -133,6 +133,9 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = Fa
     gain, family = weighed.gain, weighed.candidate.family
     if _is_large(robot, stage, weighed) or _is_seen_beyond_rest(robot, stage, weighed):
         return True
+    # What it explains at one joint may cost more at the others.
+    if weighed.score <= 0:
+        return False
     if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
         return False
     shifts = gained_by_shift(stage, gain) > SMALLEST_SHIFT and gained(stage, gain) > SMALLEST_SUM

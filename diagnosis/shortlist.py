@@ -31,16 +31,16 @@ def choose(
     """
     prepared = stage.prepared
     likeliest = material[:SHORTLIST]
-    listed = [*likeliest, *(_best_fit(each, open_) for each in likeliest)]
+    listed = [*likeliest, *(each for likely in likeliest for each in _best_fit(likely, open_))]
     shortlist = [_refined(prepared, stage, w) for w in {w.candidate.place: w for w in listed}.values()]
-    trials = [stage.with_effects([w.candidate]) for w in shortlist]
     # Of many shapes one is the likelier to fit by chance.
     likelihoods = [
-        log_likelihood(*trial) - float(np.log(weighed.candidate.shapes))
-        for weighed, trial in zip(shortlist, trials, strict=True)
+        log_likelihood(*stage.compared(weighed.candidate)) - float(np.log(weighed.candidate.shapes))
+        for weighed in shortlist
     ]
     first = int(np.argmax(likelihoods))
-    after = Stage(stage.ground, *trials[first])
+    trial = stage.with_effects([shortlist[first].candidate])
+    after = Stage(stage.ground, *trial)
     left = after.gains(Bank(stage.ground, [w.candidate for w in shortlist]))
     kept = [first]
     for index, (weighed, gain) in enumerate(zip(shortlist, left, strict=True)):
@@ -49,15 +49,15 @@ def choose(
     probability = odds([likelihoods[index] for index in kept], shortlist[first].score)
     rivals = zip((shortlist[index] for index in kept[1:]), probability[1:].tolist(), strict=True)
     # By weights of its own hypothesis it may gain more: the stage's may not suit it.
-    exact = stage.as_fitted(shortlist[first].gain, trials[first])
+    exact = stage.as_fitted(shortlist[first].gain, trial)
     best = max(shortlist[first], Weighed(exact, gained(stage, exact)), key=lambda w: w.score)
-    return best, tuple(sorted(rivals, key=lambda r: -r[1])), trials[first]
+    return best, tuple(sorted(rivals, key=lambda r: -r[1])), trial
 
 
-def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> Weighed:
-    """The effect of the same joint that fits better than any other, though it may predict worse."""
-    own = [w for w in open_ if w.candidate.family.joint == likely.candidate.family.joint]
-    return max(own, key=lambda w: w.gain.objective)
+def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> list[Weighed]:
+    """The effect of the same joint that fits better than any other, if any does; it may predict less."""
+    own = [w for w in open_ if w.candidate.family.joint == likely.candidate.family.joint and w.score > 0]
+    return sorted(own, key=lambda w: -w.gain.objective)[:1]
 
 
 def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:

@@ -14,7 +14,18 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from .candidates import Candidate
-from .evidence import RIDGE, Design, Fit, Normal, fitted_to, log_prior, scaled_precision, squares
+from .evidence import (
+    RIDGE,
+    Design,
+    Fit,
+    Normal,
+    design,
+    fit,
+    fitted_to,
+    log_prior,
+    scaled_precision,
+    squares,
+)
 from .ground import Ground
 
 Array = NDArray[np.float64]
@@ -131,6 +142,11 @@ class Stage:
     def with_effects(self, more: Sequence[Candidate]) -> tuple[Design, Fit]:
         """The hypothesis with more effects, fitted in full."""
         return fitted_to(self.prepared, [*self.hypothesis.accepted, *more])
+
+    def compared(self, candidate: Candidate) -> tuple[Design, Fit]:
+        """The hypothesis with one more effect, by the weights and the prior scale of this one."""
+        hypothesis = design(self.prepared, [*self.hypothesis.accepted, candidate])
+        return hypothesis, fit(self.prepared, hypothesis, like=self.fitted)
 
     @property
     def timing(self) -> float:

@@ -9,7 +9,7 @@ from diagnosis.candidates import candidates
 from diagnosis.evidence import fitted_to
 from diagnosis.ground import ground
 from diagnosis.likelihood import Weighed
-from diagnosis.materiality import is_beyond_healthy, is_main, is_obvious, is_plausible
+from diagnosis.materiality import is_beyond_healthy, is_main, is_material, is_obvious, is_plausible
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
 from identification.parameters import COULOMB
@@ -65,3 +65,13 @@ def test_a_swallowed_spring_brings_the_parameters_nearer_to_the_models(tmp_path,
     stage, gain = _weighed(arm, text, lambda member: member.law == "gas_spring")
     swallowed = replace(gain, overlap=0.95, prior=stage.prior + shift)
     assert is_main(arm, stage, stage, Weighed(swallowed, 500.0), (), ()) == expected
+
+
+@pytest.mark.parametrize(("score", "expected"), [(20.0, True), (-5.0, False)])
+def test_what_costs_more_at_other_joints_than_it_explains_at_its_own_is_not_material(
+    tmp_path, score, expected
+):
+    arm = small_arm(tmp_path)
+    text = "transmission_ripple:shoulder:amplitude=3,cycles=12"
+    stage, gain = _weighed(arm, text, lambda member: True)
+    assert is_material(arm, stage, Weighed(gain, score)) == expected

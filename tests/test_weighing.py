@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to, scaled_precision
+from diagnosis.evidence import fitted_to, scaled_precision, squares
 from diagnosis.ground import ground
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Bank, Stage
@@ -74,4 +74,16 @@ def test_gains_are_those_of_solving_each_hypothesis(stage):
         assert gain.objective == pytest.approx(before - after, rel=1e-3, abs=1e-3 * before)
         np.testing.assert_allclose(
             gain.held_out, left - held_out(stage, gain.candidate), rtol=0, atol=2e-3 * left.max()
+        )
+
+
+def test_rivals_are_compared_by_the_weights_and_the_prior_of_one_stage(stage):
+    proposals = candidates(stage.prepared, only=["load_dependent_friction", "cable_spring"])
+    for candidate in proposals:
+        gain, (_, compared) = stage.gain(candidate), stage.compared(candidate)
+        assert np.array_equal(compared.weights, stage.weights)
+        assert compared.prior_scale == stage.fitted.prior_scale
+        # What was weighed at once is what the fit has.
+        assert stage.held_squares - squares(compared.held_out) == pytest.approx(
+            gain.held_out, abs=1e-4 * stage.held_squares.max()
         )
