@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 # noise, and what is left beside noise is coloured too.
 INDEPENDENT = 0.25
 RIDGE = 1e-12
+RIDGES = (RIDGE, 1e-9, 1e-6)
 WEIGHT_PASSES = 3
 # Misfit can be coloured without end; a joint must not lose its say altogether over it.
 LARGEST_INFLATION = 10.0
@@ -155,12 +156,11 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
     Those, which these rows do not reach, are left at zero.
     """
     dead = np.diag(matrix) <= 0
-    matrix = matrix.copy()
+    matrix = np.where(dead[:, None] | dead, 0.0, matrix)
     matrix[dead, dead] = 1.0
+    right = np.where(dead, 0.0, right)
     scale = 1 / np.sqrt(np.diag(matrix))
-    scaled = matrix * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += RIDGE
-    factor = cho_factor(scaled, lower=True)
+    factor = _factor(matrix * np.outer(scale, scale))
     free = scale * cho_solve(factor, scale * right)
     if np.all(free >= lower - 1e-12 * np.abs(free)) and np.all(free <= upper + 1e-12 * np.abs(free)):
         return free
@@ -168,6 +168,17 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
     target = np.linalg.solve(root, scale * right)
     found = lsq_linear(root.T, target, bounds=(lower / scale, upper / scale), method="bvls")
     return scale * found.x
+
+
+def _factor(scaled: Array) -> tuple[Array, bool]:
+    """Cholesky factor of a matrix (p, p) of unit diagonal, by the smallest ridge that lets it have one."""
+    for ridge in RIDGES:
+        try:
+            return cho_factor(scaled + ridge * np.eye(len(scaled)), lower=True)
+        except np.linalg.LinAlgError:
+            # Sums that others were subtracted from: a direction without information is rounding, of any sign.
+            continue
+    raise np.linalg.LinAlgError("no ridge makes these normal equations positive definite")
 
 
 def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:

@@ -45,6 +45,8 @@ APART = 0.5
 # Not worth a trial where the error does not even rise with what would be cut off.
 SMALLEST_SLOPE = 0.2
 REFINEMENTS = 12
+# Of an unknown's information, relative.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -173,12 +175,14 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
         xx.append(stage.parts[f] - weights[joint] * x[out].T @ x[out])
         xy.append(weights @ stage.xy[f] - weights[joint] * x.T @ np.where(out, y, cut[f]))
     lower, upper = stage.fitted.bounds
-    values = solve(sum(xx) + stage.precision, sum(xy), lower, upper)
+    whole = stage.parts.sum(axis=0) + stage.precision
+    values = solve(_of_what_is_left(sum(xx) + stage.precision, whole), sum(xy), lower, upper)
     squares = np.zeros(n)
     bouts: list[tuple[float, float]] = []
     elsewhere = 0.0
     for f in folds:
-        own = solve(sum(xx) - xx[f] + stage.precision, sum(xy) - xy[f], lower, upper)
+        apart = _of_what_is_left(sum(xx) - xx[f] + stage.precision, whole)
+        own = solve(apart, sum(xy) - xy[f], lower, upper)
         for j in range(n):
             left = ground.y[f][j] - stage.x[f][j] @ own
             if j == joint:
@@ -206,6 +210,12 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
         values=values,
         held_squares=squares,
     )
+
+
+def _of_what_is_left(matrix: Array, whole: Array) -> Array:
+    """Information (p, p) without the unknowns of which subtraction from the whole has left rounding alone."""
+    gone = np.diag(matrix) <= ROUNDING * np.diag(whole)
+    return np.where(gone[:, None] | gone, 0.0, matrix)
 
 
 def _bouts(

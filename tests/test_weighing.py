@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to, scaled_precision, squares
+from diagnosis.evidence import fitted_to, scaled_precision, solve, squares
 from diagnosis.ground import ground
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Bank, Stage
@@ -87,3 +87,23 @@ def test_rivals_are_compared_by_the_weights_and_the_prior_of_one_stage(stage):
         assert stage.held_squares - squares(compared.held_out) == pytest.approx(
             gain.held_out, abs=1e-4 * stage.held_squares.max()
         )
+
+
+def test_a_direction_whose_information_was_subtracted_but_for_rounding_is_left_alone():
+    rng = np.random.default_rng(0)
+    rows = rng.standard_normal((50, 4))
+    matrix = rows.T @ rows
+    # The last two unknowns are one, and what is left of their difference is rounding of the wrong sign.
+    matrix[:, 3] = matrix[:, 2]
+    matrix[3, :] = matrix[2, :]
+    matrix[3, 3] = matrix[2, 2] * (1 - 1e-11)
+    free = np.full(4, np.inf)
+    found = solve(matrix, matrix @ [1.0, 2.0, 3.0, 0.0], -free, free)
+    assert found[:2] == pytest.approx([1.0, 2.0], abs=1e-4)
+    assert found[2] + found[3] == pytest.approx(3.0, abs=1e-4)
+
+
+def test_an_unknown_that_no_row_is_left_of_stays_at_zero_whatever_rounding_says():
+    matrix, free = np.diag([4.0, 2.0, -5e-9]), np.full(3, np.inf)
+    matrix[0, 2] = matrix[2, 0] = 3.0
+    assert solve(matrix, np.array([8.0, 2.0, 1.0]), -free, free) == pytest.approx([2.0, 1.0, 0.0])
