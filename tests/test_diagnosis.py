@@ -110,8 +110,15 @@ def test_the_strongest_effect_comes_first_however_late_it_was_found(arm):
     runs = simulated_runs(arm, injections[:1], runs=3) | {
         "run_2": simulated_runs(arm, injections, runs=3)["run_2"]
     }
-    found = [(each.effect, each.joint) for each in diagnose(arm, runs).effects]
-    assert found == [("external_contact", 1), ("stribeck_friction", 0)]
+    found = diagnose(arm, runs)
+    named = [(each.effect, each.joint) for each in found.effects]
+    assert named == [("external_contact", 1), ("stribeck_friction", 0)]
+
+
+def test_a_push_alone_is_said_to_leave_a_gap(arm):
+    found = _diagnosis(arm, "external_contact:elbow:torque=20,start=1.5,duration=0.6")
+    assert [(each.effect, each.joint) for each in found.effects] == [("external_contact", 1)]
+    assert found.sentence.startswith("The gap comes from external contact at elbow")
 
 
 def test_what_no_motion_foretells_is_unknown_where_it_stands_out(models):
