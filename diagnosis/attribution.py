@@ -140,6 +140,7 @@ def _accepted(
     # What a push leaves is where it was.
     somewhere = {a.candidate.family.joint for a in before if a.named and not a.candidate.is_event}
     main = is_main(sized, apart, stage, best, somewhere, rest)
+    certain = found.is_certain(stage)
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(
         candidate=best.candidate,
@@ -148,8 +149,8 @@ def _accepted(
         score=best.score,
         share=float(stage.shares(best.gain).max()),
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
-        named=beyond and main and found.is_certain(stage),
-        is_certain=found.is_certain(stage),
+        named=beyond and main and certain,
+        is_certain=certain,
         is_trace=found.is_trace,
     )
 

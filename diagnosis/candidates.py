@@ -56,6 +56,11 @@ class Candidate:
         return max(of_its_law, self.family.picked_from)
 
     @property
+    def shows(self) -> bool:
+        """Whether anything of it is in these runs' torque."""
+        return any(run.any() for run in self.filtered)
+
+    @property
     def is_event(self) -> bool:
         """Whether it belongs to the runs it was seen in, and not to the robot."""
         return self.family.effect == EVENT

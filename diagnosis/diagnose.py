@@ -217,7 +217,7 @@ def _sentence(
         place = "" if effect.joint is None else f" at {robot.joint_names[effect.joint]}"
         parts.append(f"{effect.effect.replace('_', ' ')}{place}")
     closed = gap.closed
-    if not any(run.any() for effect in effects for run in effect.candidate.filtered):
+    if not any(effect.candidate.shows for effect in effects):
         # A drive that reports what it gave: see flat_top.py.
         named = ", ".join(parts)
         return f"There is {named}: along the measured motion it leaves no gap, in closed loop it does."

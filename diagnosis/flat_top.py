@@ -84,12 +84,9 @@ def _bouts(time: Array) -> int:
 def _is_held_back(runs: Sequence[Logged], joint: int, top: _Top) -> bool:
     """Whether more was asked for; where no command was logged, whether what else changes never shows."""
     sign = [np.sign(run.tau[inside, joint]) for run, inside in zip(runs, top.inside, strict=True)]
-    if all(run.torque_command is not None for run in runs):
-        asked = [
-            s * run.torque_command[inside, joint]
-            for s, run, inside in zip(sign, runs, top.inside, strict=True)
-            if run.torque_command is not None
-        ]
+    commands = [run.torque_command for run in runs if run.torque_command is not None]
+    if len(commands) == len(runs):
+        asked = [s * each[i, joint] for s, each, i in zip(sign, commands, top.inside, strict=True)]
         return bool(np.mean(np.concatenate(asked)) > top.level + top.width)
     bouts = sum(_bouts(run.time[inside]) for run, inside in zip(runs, top.inside, strict=True))
     if bouts < TIMES:

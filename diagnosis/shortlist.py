@@ -24,14 +24,14 @@ STEP = 0.12
 def choose(
     stage: Stage, material: Sequence[Weighed], open_: Sequence[Weighed]
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]]:
-    """The shortlist refined and fitted jointly in full: the best, its rivals with their probabilities.
+    """The shortlist refined and compared by one set of weights: the best, fitted in full, and its rivals.
 
     A rival is what has little left to explain once the best is in; anything else is another effect. material,
     open_: best first; of the second, what fits a listed effect's joint best is listed too.
     """
     prepared = stage.prepared
     likeliest = material[:SHORTLIST]
-    listed = [*likeliest, *(each for likely in likeliest for each in _best_fit(likely, open_))]
+    listed = [*likeliest, *(_best_fit(each, open_) for each in likeliest)]
     shortlist = [_refined(prepared, stage, w) for w in {w.candidate.place: w for w in listed}.values()]
     # Of many shapes one is the likelier to fit by chance.
     likelihoods = [
@@ -54,10 +54,10 @@ def choose(
     return best, tuple(sorted(rivals, key=lambda r: -r[1])), trial
 
 
-def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> list[Weighed]:
-    """The effect of the same joint that fits better than any other, if any does; it may predict less."""
+def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> Weighed:
+    """The effect of the same joint that fits better than any other, though it may predict less."""
     own = [w for w in open_ if w.candidate.family.joint == likely.candidate.family.joint and w.score > 0]
-    return sorted(own, key=lambda w: -w.gain.objective)[:1]
+    return max(own, key=lambda w: w.gain.objective, default=likely)
 
 
 def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:

@@ -25,11 +25,11 @@ def signature(diagnosis: Diagnosis, named: NamedEffect) -> go.Figure:
     The residual before is the final model's with this effect's own torque put back, so that the points
     do not depend on what re-identification alone would have swallowed.
     """
+    if not named.candidate.shows:
+        return reported_limit(diagnosis, named)
     joint = _shown_joint(diagnosis, named)
     robot, runs = diagnosis.robot, diagnosis.prepared.runs
     law, before = partial_residual(diagnosis, named)
-    if not any(torque.any() for torque in law):
-        return reported_limit(diagnosis, named)
     used = np.concatenate([run.used[:, joint] for run in runs])
     # A coupling's friction is on the summed speed of its two joints.
     moving = [joint] if named.into is None or named.joint is None else [named.joint, named.into]
