@@ -30,13 +30,15 @@ class Candidate:
     """One member of a family on these runs.
 
     family: the effect and its place. member: which shape. filtered: a run, (M, r, k) at the member's rows.
-    joints: n of the robot. is_carried: whether the load of these runs has its torque already.
+    joints: n of the robot. sample_time: s, the longest of these runs. is_carried: whether the load of these
+    runs has its torque already.
     """
 
     family: Family
     member: Member
     filtered: tuple[Array, ...]
     joints: int
+    sample_time: float
     is_carried: bool = False
 
     @cached_property
@@ -81,7 +83,8 @@ def candidate(prepared: Prepared, family: Family, member: Member) -> Candidate:
     filtered = [
         run.filtered(columns, member.rows) for run, columns in zip(prepared.runs, member.columns, strict=True)
     ]
-    return Candidate(family, member, tuple(filtered), prepared.joints)
+    sample_time = 1 / min(run.logged.sample_rate for run in prepared.runs)
+    return Candidate(family, member, tuple(filtered), prepared.joints, sample_time)
 
 
 def candidates(

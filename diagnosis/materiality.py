@@ -43,6 +43,8 @@ SECOND_LEFT, SECOND_TORQUE, SECOND_PROMINENT = 0.5, 0.02, 8.0
 # And the share of what is left there when it is taken in, or that multiple of log-likelihood: imperfections
 # that are no smaller would not let it be told from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
+# Wald's statistic of an imperfection: what has less predicts well by chance.
+SEEN = 9.0
 # Wald's statistic of what is named: five standard deviations.
 SMALLEST_WALD = 25.0
 # Friction that its joint's own parameters swallow leaves little, however large it is, and a delay leaves a
@@ -77,8 +79,10 @@ HEALTHY: Mapping[str, float] = {
     "external_contact": 0.0,
 }
 HEALTHY_ELSE = 0.8
-# Whatever its size in its own terms, no healthy joint has one of these that is this share of its torque, and
-# this share of what re-identification leaves there. Of a wrist's torque the cables may be as much.
+# And all torques of one sample are reported together, whenever within it they acted.
+LAG, OF_SAMPLE = "actuator_lag", 0.4
+# Whatever its size in its own terms, no healthy joint has one of these that is this share of its torque and
+# this share of what is left there: less torque, of a larger share. Of a wrist's torque cables may be as much.
 OF_THE_JOINT = (
     "stribeck_friction",
     "asymmetric_friction",
@@ -88,7 +92,7 @@ OF_THE_JOINT = (
     "transmission_ripple",
     "joint_coupling",
 )
-OBVIOUS_TORQUE, OBVIOUS_SHARE = 0.04, 0.5
+OBVIOUS = ((0.04, 0.5), (0.025, 0.8))
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
 BRISTLES, SMALLEST_LEVEL = "presliding_hysteresis", 0.55
 # Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
@@ -128,7 +132,7 @@ SIZES: Mapping[str, tuple[str, ...]] = {
 def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = False) -> bool:
     """Whether a candidate explains enough to be taken in.
 
-    robot: that sizes are relative to. is_best: whether no other gains as much.
+    robot: that sizes are relative to. is_best: whether hardly any other gains as much.
     """
     gain, family = weighed.gain, weighed.candidate.family
     if _is_large(robot, stage, weighed) or _is_seen_beyond_rest(robot, stage, weighed):
@@ -171,7 +175,8 @@ def is_main(
         return True
     if family.effect == SPRING and gain.overlap > HIDDEN_OVERLAP and gained_by_shift(stage, gain) < FARTHER:
         return False
-    elsewhere = max((w.score for w in rest if w.candidate.family.joint != family.joint), default=0.0)
+    seen = (w for w in rest if w.candidate.family.joint != family.joint and w.gain.wald > SEEN)
+    elsewhere = max((w.score for w in seen), default=0.0)
     if family.joint is not None and family.joint in named:
         large = stage.removed(gain)[family.joint] > SECOND_TORQUE * stage.ground.torque_rms[family.joint]
         left = bool(large and stage.shares(gain)[family.joint] > SECOND_LEFT)
@@ -216,10 +221,9 @@ def _is_seen_beyond_rest(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
 
 def _is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain) -> bool:
     """Whether it is known to a fifth, and three deviations less of it are still beyond a healthy robot's."""
-    wald = float(gain.coefficients @ gain.information @ gain.coefficients)
-    if wald < SMALLEST_WALD:
+    if gain.wald < SMALLEST_WALD:
         return False
-    least = (1 - BEYOND / np.sqrt(wald)) * gain.coefficients
+    least = (1 - BEYOND / np.sqrt(gain.wald)) * gain.coefficients
     return is_beyond_healthy(robot, stage.ground.torque_rms, gain.candidate, least)
 
 
@@ -228,14 +232,20 @@ def is_obvious(stage: Stage, gain: Gain) -> bool:
     family = gain.candidate.family
     if family.effect not in OF_THE_JOINT:
         return False
-    torque = stage.removed(gain)[family.joint] / stage.ground.torque_rms[family.joint]
-    return bool(torque > OBVIOUS_TORQUE and stage.shares(gain)[family.joint] > OBVIOUS_SHARE)
+    own = list(gain.candidate.member.rows)
+    torque, share = (stage.removed(gain) / stage.ground.torque_rms)[own], stage.shares(gain)[own]
+    return any(bool(np.any((torque > least) & (share > part))) for least, part in OBVIOUS)
 
 
 def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
     """Whether an effect is larger than what a healthy robot has of it; arguments as of ``size``."""
     name, joint = candidate.family.effect, candidate.family.joint
     if name == BRISTLES and coefficients[0] < SMALLEST_LEVEL * scale_of("coulomb", robot, joint):
+        return False
+    if (
+        name == LAG
+        and _number(quantities(candidate, coefficients)["time_constant"]) < OF_SAMPLE * candidate.sample_time
+    ):
         return False
     healthy = HEALTHY.get(name, HEALTHY_ELSE)
     return size(robot, torque_scale, candidate, coefficients) > healthy

@@ -56,6 +56,11 @@ class Gain:
     prior: float
     information: Array
 
+    @property
+    def wald(self) -> float:
+        """Wald's statistic of the coefficients: (k,) squared standard deviations from zero, summed."""
+        return float(self.coefficients @ self.information @ self.coefficients)
+
 
 class Bank:
     """Candidates with the products of their columns with each other and with the base regressor.

@@ -9,7 +9,14 @@ from diagnosis.candidates import candidates
 from diagnosis.evidence import fitted_to
 from diagnosis.ground import ground
 from diagnosis.likelihood import Weighed
-from diagnosis.materiality import is_beyond_healthy, is_main, is_material, is_obvious, is_plausible
+from diagnosis.materiality import (
+    is_beyond_healthy,
+    is_main,
+    is_material,
+    is_obvious,
+    is_plausible,
+    quantities,
+)
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
 from identification.parameters import COULOMB
@@ -75,3 +82,28 @@ def test_what_costs_more_at_other_joints_than_it_explains_at_its_own_is_not_mate
     text = "transmission_ripple:shoulder:amplitude=3,cycles=12"
     stage, gain = _weighed(arm, text, lambda member: True)
     assert is_material(arm, stage, Weighed(gain, score)) == expected
+
+
+@pytest.mark.parametrize(("wald", "expected"), [(25.0, False), (1.0, True)])
+def test_only_what_is_seen_for_sure_elsewhere_keeps_an_effect_from_standing_out(tmp_path, wald, expected):
+    arm = small_arm(tmp_path)
+    stage, gain = _weighed(arm, "transmission_ripple:shoulder:amplitude=3,cycles=12", lambda member: True)
+    other = next(c for c in candidates(stage.prepared, only=["transmission_ripple"]) if c.family.joint == 1)
+    unit = np.eye(gain.candidate.count)
+    elsewhere = replace(gain, candidate=other, coefficients=unit[0], information=wald * unit, objective=wald)
+    weak = replace(gain, held_out=0.1 * stage.held_squares)
+    rest = [Weighed(elsewhere, 40.0)]
+    assert is_main(arm, stage, stage, Weighed(weak, 40.0), (), rest) == expected
+
+
+@pytest.mark.parametrize(("samples", "expected"), [(0.2, False), (0.8, True)])
+def test_a_lag_of_less_than_a_share_of_a_sample_is_the_logs(tmp_path, samples, expected):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    lag = candidates(prepared, only=["actuator_lag"])[0]
+    slow = replace(lag, sample_time=0.01)
+    wanted = min(
+        np.geomspace(1e-4, 1.0, 400),
+        key=lambda c: abs(quantities(slow, np.full(lag.count, c))["time_constant"].value - samples * 0.01),
+    )
+    assert is_beyond_healthy(arm, ground(prepared).torque_rms, slow, np.full(lag.count, wanted)) == expected
