@@ -18,6 +18,8 @@ from .weighing import Bank, Gain, Stage
 # Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
 # residual; named where it explains as much.
 BURST_TIME, BURST, BURST_SHARE, SMALLEST_SHARE = 0.1, 20, 0.5, 0.6
+# Or so much of it, where it is one joint alone that it explains: that may be anything that passes quickly.
+ALONE = 0.8
 # Blocks of this share of the largest one's are of the burst.
 BURST_HEIGHT = 0.2
 # And what it holds is this share of the joint's RMS torque over all the time.
@@ -65,7 +67,8 @@ def contact(
         left = squares(trial[1].residual) / np.maximum(before, 1e-300)
         weighed = Weighed(gain, log_of_squares(stage.independent, left) - gain.candidate.count)
         assert link is not None
-        if np.max(1 - left) <= SMALLEST_SHARE:
+        explained = 1 - left
+        if explained.max() <= (SMALLEST_SHARE if np.sum(explained > SMALLEST_SHARE) > 1 else ALONE):
             continue
         if link not in likeliest or weighed.score > likeliest[link][0].score:
             likeliest[link] = weighed, trial
@@ -77,6 +80,16 @@ def contact(
     ordered = sorted(zip(probability.tolist(), likeliest.values(), strict=True), key=lambda each: -each[0])
     _, (first, trial) = ordered[0]
     return first, tuple((weighed, share) for share, (weighed, _) in ordered[1:]), trial
+
+
+def explains_all_bursts(stage: Stage, pushed: Fit) -> bool:
+    """Whether a push explains all that is left in bursts, at two joints or more.
+
+    Hardly anything else would; at one joint anything that passes quickly does.
+    """
+    bursts = list(_in_bursts(stage))
+    left = squares(pushed.residual) / np.maximum(squares(stage.fitted.residual), 1e-300)
+    return len(bursts) > 1 and bool(np.all(left[bursts] < 1 - SMALLEST_SHARE))
 
 
 def _of_each_load(stage: Stage, bank: Bank) -> list[Gain]:

@@ -8,7 +8,7 @@ import numpy as np
 from testbench.robot import Robot
 
 from .candidates import EVENT, SATURATION
-from .contact import contact
+from .contact import contact, explains_all_bursts
 from .evidence import Design, Fit
 from .likelihood import Weighed, weigh
 from .materiality import SMALLEST_WALD, is_beyond_healthy, is_material, is_plausible
@@ -20,6 +20,10 @@ from .weighing import Bank, Gain, Stage
 
 # Three standard deviations of what shows in the parameters' shift, which tells beside them.
 SWALLOWED_WALD = 9.0
+# A push that explains so many times what any effect does is seen first: it would be taken for effects.
+FAR_MORE = 3.0
+# What gains this share of the most that any effect does may be it.
+AS_MUCH = 0.7
 # A trace has a name from four standard deviations, with this share of some joint's rest: what misfit leaves
 # rarely has.
 TRACE_WALD, SMALLEST_TRACE = 16.0, 0.025
@@ -83,25 +87,30 @@ class Search:
 
         weighed: of ``open``. free: candidates of generic.py.
         """
-        material = [w for place, w in enumerate(weighed) if is_material(self.sized, stage, w, place == 0)]
-        if SATURATION not in self.without:
-            clipped = saturation(stage, free, self.limits)
-            if clipped is not None and clipped.score > max((w.score for w in material), default=0.0):
-                pushed = self._push(stage, free)
-                # Who withstands a push asks for torque as long as it lasts.
-                if pushed is not None and _is_likelier_there(pushed.best, clipped):
-                    return pushed
-                return Found(clipped, (), stage.with_effects([clipped.candidate]))
+        most = weighed[0].score if weighed else 0.0
+        pushed = self.push(stage, free)
+        material = [w for w in weighed if is_material(self.sized, stage, w, w.score >= AS_MUCH * most)]
+        clipped = None if SATURATION in self.without else saturation(stage, free, self.limits)
+        limit = 0.0 if clipped is None else clipped.score
+        largest = max((w.score for w in material), default=0.0)
+        far_more = pushed is not None and pushed.best.score > FAR_MORE * max(largest, limit)
+        if pushed is not None and far_more and explains_all_bursts(stage, pushed.trial[1]):
+            return pushed
+        if clipped is not None and limit > largest:
+            # Who withstands a push asks for torque as long as it lasts.
+            if pushed is not None and _is_likelier_there(pushed.best, clipped):
+                return pushed
+            return Found(clipped, (), stage.with_effects([clipped.candidate]))
         if material:
             return Found(*choose(stage, material, weighed))
-        if (pushed := self._push(stage, free)) is not None:
+        if pushed is not None:
             return pushed
         if unclaimed(self.first, stage, free):
             # What has no name leaves traces of all kinds.
             return None
         return self._trace(stage, weighed)
 
-    def _push(self, stage: Stage, free: Bank) -> Found | None:
+    def push(self, stage: Stage, free: Bank) -> Found | None:
         """A push of the surroundings, the only one."""
         if EVENT in self.without or any(each.is_event for each in stage.hypothesis.accepted):
             return None
