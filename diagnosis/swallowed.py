@@ -22,6 +22,8 @@ IMPERFECTIONS = (
     "transmission_ripple",
     "cable_spring",
 )
+# What leaves no more than a trace on many motions, and is taken for what is swallowed.
+TRACES = ("encoder_eccentricity", "base_tilt")
 # Log-likelihood from which an imperfection is worth fitting beside, that a trace must gain, and that must be
 # left of it without any one joint but its own.
 BESIDE, SMALLEST_GAIN, SMALLEST_ELSEWHERE = 8.0, 9.0, 5.0
@@ -33,7 +35,9 @@ def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Wei
     Best first. weighed: all effects that the stage has not, best first.
     """
     after = _with_imperfections(stage, weighed)
-    hidden = [each.candidate for each in weighed if each.candidate.family.swallowed]
+    hidden = [
+        w.candidate for w in weighed if w.candidate.family.swallowed or w.candidate.family.effect in TRACES
+    ]
     found = weigh(after, Bank(stage.ground, hidden)) if hidden else []
     found = [each for each in found if each.score > SMALLEST_GAIN]
     return after, [each for each in found if _elsewhere(after, each) > SMALLEST_ELSEWHERE]

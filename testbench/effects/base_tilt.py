@@ -29,6 +29,10 @@ DESCRIPTION = EffectDescription(
 )
 
 
+# Share of the other turn's torque.
+ROUNDING = 1e-9
+
+
 def tilted_gravity(gravity: Array, values: dict[str, float]) -> Array:
     """Gravity (3,) m/s² in the frame of a base that was turned about world x by roll, then y by pitch."""
     sine_r, cosine_r = np.sin(values["roll"]), np.cos(values["roll"])
@@ -48,13 +52,19 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """The gravity torques of the two gravity vectors that a small roll and pitch add."""
+    """The gravity torques of the two gravity vectors that a small roll and pitch add.
+
+    A turn that no joint feels, as about an axis that all axes are parallel to, is held at zero.
+    """
+    columns = tuple(_columns(run) for run in runs)
+    largest = np.max([np.abs(each).max(axis=(0, 1)) for each in columns], axis=0)
+    felt = largest > ROUNDING * largest.max()
     member = Member(
         shape={},
         rows=tuple(range(runs[0].joints)),
-        columns=tuple(_columns(run) for run in runs),
-        lower=np.array([parameter.lower for parameter in DESCRIPTION.parameters]),
-        upper=np.array([parameter.upper for parameter in DESCRIPTION.parameters]),
+        columns=tuple(each * felt for each in columns),
+        lower=np.where(felt, [parameter.lower for parameter in DESCRIPTION.parameters], 0.0),
+        upper=np.where(felt, [parameter.upper for parameter in DESCRIPTION.parameters], 0.0),
     )
     named = coefficients_as_named(DESCRIPTION, ("roll", "pitch"))
     return Family(DESCRIPTION.name, None, (member,), named)
