@@ -31,6 +31,8 @@ MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
 # spring's next to nothing.
 STANDING_OUT_TORQUE, STANDING_OUT, STANDING_OUT_LEFT, SPRING_LEFT = 0.03, 3.0, 0.37, 0.12
 SPRINGS = {"gravity_spring", "cable_spring"}
+# And what is slow, where it is this share of the joint's torque: no healthy joint leaves so much but noise.
+STRUCTURE, SLOW = 0.035, 0.5
 # Or is not noise because some part of the motion has so many times its share of it.
 DENSE = 2.0
 # A period counts from so many times the share that chance gives one.
@@ -146,9 +148,13 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     most = np.where([joint in sprung for joint in range(len(left))], SPRING_LEFT, STANDING_OUT_LEFT)
     # What is worse than without any effect says nothing of the robot.
     stands_out &= (left > most) & (left < 1 + WORSE)
-    for joint in np.flatnonzero(unfit | stands_out).tolist():
+    structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & (left < 1 + WORSE)
+    for joint in np.flatnonzero(unfit | stands_out | structured).tolist():
+        slow = _slow(last, joint)
         is_large = unfit[joint] and noise[joint] > MISFIT_NOISE
-        if is_large or (stands_out[joint] and _is_slow(last, joint)) or _is_dense(last, joint):
+        is_structure = structured[joint] and relative[joint] * np.sqrt(max(slow, 0.0)) > STRUCTURE
+        is_slow = slow > SLOW and (stands_out[joint] or is_structure)
+        if is_large or is_slow or ((unfit | stands_out)[joint] and _is_dense(last, joint)):
             yield Unclaimed(joint, NOTHING, min(float(left[joint]), 1.0))
 
 
@@ -162,12 +168,15 @@ def _relative(stage: Stage) -> Array:
     return _rms(stage) / stage.ground.torque_rms
 
 
-def _is_slow(stage: Stage, joint: int) -> bool:
-    """Whether a joint's residual lies where motion does, by more than half of what noise would not."""
+def _slow(stage: Stage, joint: int) -> float:
+    """How much of a joint's squared residual lies where motion does, beyond what noise would have there.
+
+    Nothing for noise, one for what is nowhere else.
+    """
     fitted, used = stage.fitted, stage.hypothesis.used
     residual = [run[:, joint] for run in fitted.held_out]
     share, expected = slow_share(stage.prepared.runs, joint, residual, [run[:, joint] for run in used])
-    return share > (1 + expected) / 2
+    return (share - expected) / (1 - expected)
 
 
 def _is_dense(stage: Stage, joint: int) -> bool:
