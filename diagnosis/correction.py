@@ -41,8 +41,9 @@ class Corrected:
 
     chain, limits: of the model as given. nominal: as given. parameters: re-identified alone. final:
     beside the effects. parameters_timing, final_timing: s, by which the logged torque is late.
-    linearised: (14 n,) that the effects' columns are taken at. body_rotation (3, 3), body_origin (3,) m:
-    the last body's frame in the last link's.
+    linearised: (14 n,) that the effects' columns are taken at. coulomb_smoothing: (n,) rad/s (m/s), w of
+    Coulomb friction fc tanh(v / w) in what was re-identified; 0 for fc sgn v. body_rotation (3, 3),
+    body_origin (3,) m: the last body's frame in the last link's.
     """
 
     chain: Chain
@@ -53,6 +54,7 @@ class Corrected:
     final: Array
     final_timing: float
     linearised: Array
+    coulomb_smoothing: Array
     body_rotation: Array
     body_origin: Array
     terms: tuple[Term, ...]
@@ -80,6 +82,7 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
         final=diagnosis.parameters,
         final_timing=diagnosis.timing,
         linearised=logged.parameters,
+        coulomb_smoothing=diagnosis.prepared.coulomb_smoothing,
         body_rotation=logged.body_rotation,
         body_origin=logged.body_origin,
         terms=tuple(terms),
@@ -106,6 +109,7 @@ def correction_document(model: Corrected) -> dict[str, Any]:
             for name in LIMITS
         },
         "nominal": model.nominal.tolist(),
+        "coulomb_smoothing": model.coulomb_smoothing.tolist(),
         "parameters": {"standard": model.parameters.tolist(), "timing": model.parameters_timing},
         "effects": {
             "standard": model.final.tolist(),
@@ -151,6 +155,7 @@ def read_correction(document: Any, source: object) -> Corrected:
             final=np.array(effects["standard"], dtype=np.float64),
             final_timing=float(effects["timing"]),
             linearised=np.array(effects["linearised_at"], dtype=np.float64),
+            coulomb_smoothing=np.array(document["coulomb_smoothing"], dtype=np.float64),
             body_rotation=np.array(document["last_body"]["rotation"], dtype=np.float64),
             body_origin=np.array(document["last_body"]["origin"], dtype=np.float64),
             terms=tuple(

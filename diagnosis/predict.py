@@ -92,8 +92,7 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     logged = logged_motion(model, recording)
     along = (logged.q, logged.dq, logged.ddq)
     nominal = inverse_dynamics(model.chain, model.nominal, *along)
-    parameters = inverse_dynamics(model.chain, model.parameters, *along)
-    corrected = inverse_dynamics(model.chain, model.final, *along)
+    parameters, corrected = (replace(logged, parameters=p).predicted for p in (model.parameters, model.final))
     corrected = _shifted(corrected, model.final_timing * logged.sample_rate)
     for torque in _term_torques(model.terms, logged):
         corrected += torque
@@ -153,6 +152,7 @@ def logged_motion(model: Corrected, recording: Recording) -> Logged:
         reference_acceleration=kept[2],
         body_rotation=model.body_rotation,
         body_origin=model.body_origin,
+        coulomb_smoothing=model.coulomb_smoothing,
     )
     command = _command(model, recording, logged.dq) if same_grid else None
     return replace(logged, tau=logged.predicted, torque_command=command)

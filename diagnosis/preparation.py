@@ -44,6 +44,7 @@ class Run:
     name: the log's. logged: full-rate signals with the model's prediction. filters: (n,) of each joint's
     torque and columns alike. kept: (M,) indices of the decimated samples. time: (M,) s. q, dq, ddq: (M, n).
     torque: (M, n), rows: (M, n, 14 n) standard regressor, both filtered. used: (M, n) bool, away from rest.
+    smear: (n,) samples at full rate that each filter spreads what is near rest over.
     """
 
     name: str
@@ -57,6 +58,12 @@ class Run:
     torque: Array
     rows: Array
     used: NDArray[np.bool_]
+    smear: NDArray[np.int64]
+
+    def away_from(self, joint: int, speed: float) -> NDArray[np.bool_]:
+        """The samples (M,) that no speed of the joint up to this one, rad/s (m/s), is smeared into."""
+        slow = np.abs(self.logged.dq[:, joint]) <= speed
+        return ~maximum_filter1d(slow, int(self.smear[joint]))[self.kept]
 
     def filtered(self, columns: Array, joints: Sequence[int]) -> Array:
         """Columns (N, r, ...) of r joints at full rate, filtered and decimated like the torque."""
@@ -68,13 +75,15 @@ class Prepared:
     """All runs, and the folds that are left out in turn.
 
     folds: per fold, the run's index and the samples (into its M) that belong to it. band: (n,) of the widest
-    band, the share that each joint's filter leaves.
+    band, the share that each joint's filter leaves. coulomb_smoothing: (n,) rad/s (m/s), w of Coulomb
+    friction fc tanh(v / w); 0 for fc sgn v.
     """
 
     robot: Robot
     runs: tuple[Run, ...]
     band: Array
     folds: tuple[tuple[int, slice], ...]
+    coulomb_smoothing: Array
 
     @property
     def joints(self) -> int:
@@ -116,7 +125,7 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     runs = tuple(_run(robot, name, thin[name], motions[name], bands) for name in thin)
     each = -(-FEWEST_FOLDS // len(runs))
     folds = tuple((index, part) for index, run in enumerate(runs) for part in _blocks(len(run.time), each))
-    return Prepared(robot, runs, bands / widest, folds)
+    return Prepared(robot, runs, bands / widest, folds, np.zeros(robot.joints))
 
 
 def _blocks(samples: int, count: int) -> list[slice]:
@@ -154,9 +163,6 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         needed = 2 * filters[0].reach + SMALLEST_RUN * filters[0].step
         lowest = float(cutoffs.min())
         raise InputError(name, "time", f"at least {needed} samples for a {lowest:.3g} Hz filter", samples)
-    slow = np.abs(signals.dq) <= DEAD_ZONE
-    reaches = 2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1
-    resting = np.column_stack([maximum_filter1d(*each) for each in zip(slow.T, reaches, strict=True)])
     same_grid = len(recording.time) == samples
     body_rotation, body_origin = body_in_link(robot, robot.joints - 1)
     logged = Logged(
@@ -186,7 +192,7 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         # Links before the joint never load it.
         loaded = slice(PER_JOINT * joint, None)
         base[:, joint, loaded] = filters[joint](rows[:, joint, loaded])
-    return Run(
+    run = Run(
         name=name,
         logged=logged,
         filters=filters,
@@ -197,5 +203,8 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         ddq=signals.ddq[kept],
         torque=filtered(filters, signals.tau),
         rows=base,
-        used=~resting[kept],
+        used=np.ones((len(kept), robot.joints), bool),
+        smear=2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1,
     )
+    used = [run.away_from(joint, DEAD_ZONE) for joint in range(robot.joints)]
+    return replace(run, used=np.column_stack(used))

@@ -51,6 +51,11 @@ def write_corrected(diagnosis: Diagnosis, path: str | Path) -> tuple[str, ...]:
             f"the logged torque is {1e3 * abs(model.final_timing):.2g} ms {late} against the positions: "
             "this belongs to the log, not to the robot",
         )
+    for joint in np.flatnonzero(model.coulomb_smoothing).tolist():
+        width, name = model.coulomb_smoothing[joint], model.chain.joint_names[joint]
+        unit = "m/s" if model.chain.is_slide[joint] else "rad/s"
+        law = f"fc tanh(v / {width:.2g} {unit})"
+        kept += (f"friction of {name} is soft near rest, {law}; MuJoCo's frictionloss jumps",)
     return kept + refused
 
 

@@ -54,6 +54,7 @@ def floor(nominal: Robot, twin: Sequence[Recording]) -> Array:
         final=parameters,
         final_timing=float(fitted.values[count]),
         linearised=parameters,
+        coulomb_smoothing=prepared.coulomb_smoothing,
         body_rotation=logged.body_rotation,
         body_origin=logged.body_origin,
         terms=(),

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from testbench.effects import effects
 from testbench.effects.signature import Quantity
 from testbench.findings import significant
@@ -76,6 +78,16 @@ def verdict(diagnosis: Diagnosis) -> str:
         "effect": "unmodelled effect" + ("s" if len(diagnosis.effects) > 1 else ""),
         "unknown": "unknown cause",
     }[diagnosis.verdict]
+
+
+def near_rest(diagnosis: Diagnosis) -> list[str]:
+    """The joints whose friction is soft near rest; nothing where none is."""
+    names, width = diagnosis.robot.joint_names, diagnosis.prepared.coulomb_smoothing
+    soft = [f"{names[joint]} {width[joint]:.2g}" for joint in np.flatnonzero(width).tolist()]
+    if not soft:
+        return []
+    law = "Coulomb friction is soft near rest, fc tanh(v / w) with w in rad/s (m/s)"
+    return [f"{law}: {', '.join(soft)}."]
 
 
 def recurrence(diagnosis: Diagnosis) -> list[str]:

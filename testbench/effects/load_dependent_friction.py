@@ -52,7 +52,7 @@ def _level(bus: int, parameters: int, state: int, joint: int) -> None:
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """|tau_load|·sgn v with the load of the rigid-body model."""
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    columns = [(np.abs(run.load[:, joint]) * np.sign(run.dq[:, joint]))[:, None] for run in runs]
+    columns = [(np.abs(run.load[:, joint]) * run.direction[:, joint])[:, None] for run in runs]
     upper = np.array([DESCRIPTION.parameters[0].upper])
     member = Member({}, (joint,), single_joint(columns), np.zeros(1), upper)
     return Family(DESCRIPTION.name, joint, (member,), coefficients_as_named(DESCRIPTION, ("coefficient",)))

@@ -36,6 +36,8 @@ class Logged:
     reference_velocity, reference_acceleration: (N, n). body_rotation (3, 3), body_origin (3,) m: the last
     body's frame in the last link's (``body_in_link``), which the contract tells a payload in. carried:
     (N, n) N·m, torque of effects behind the gearboxes that are known already. beside: likewise of all others.
+    coulomb_smoothing: (n,) rad/s (m/s), w of Coulomb friction fc tanh(dq / w); 0 for fc sgn dq, as everywhere
+    where it is left out.
     """
 
     chain: Chain
@@ -58,6 +60,7 @@ class Logged:
     body_origin: Array = field(default_factory=lambda: np.zeros(3))
     carried: Array | None = None
     beside: Array | None = None
+    coulomb_smoothing: Array | None = None
 
     @property
     def samples(self) -> int:
@@ -79,10 +82,19 @@ class Logged:
         return rigid if self.carried is None else rigid + self.carried
 
     @cached_property
+    def direction(self) -> Array:
+        """Share of its Coulomb friction that each joint has, with the sign of its speed, (N, n)."""
+        sign = np.sign(self.dq)
+        if self.coulomb_smoothing is not None:
+            soft = np.flatnonzero(self.coulomb_smoothing)
+            sign[:, soft] = np.tanh(self.dq[:, soft] / self.coulomb_smoothing[soft])
+        return sign
+
+    @cached_property
     def friction(self) -> Array:
         """Viscous and Coulomb friction and offset by the model, (N, n) N·m."""
         table = self.table
-        return table[:, VISCOUS] * self.dq + table[:, COULOMB] * np.sign(self.dq) + table[:, OFFSET]
+        return table[:, VISCOUS] * self.dq + table[:, COULOMB] * self.direction + table[:, OFFSET]
 
     @cached_property
     def predicted(self) -> Array:

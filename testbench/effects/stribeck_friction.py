@@ -68,7 +68,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         for run in runs:
             v = run.dq[:, joint]
             ratio = (np.abs(v) / shape["velocity"]) ** shape["exponent"]
-            columns.append((np.exp(-ratio) * np.sign(v))[:, None])
+            columns.append((np.exp(-ratio) * run.direction[:, joint])[:, None])
         return Member(dict(shape), (joint,), single_joint(columns), np.zeros(1), np.full(1, np.inf))
 
     named = coefficients_as_named(DESCRIPTION, ("extra",))

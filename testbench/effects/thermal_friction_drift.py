@@ -109,7 +109,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         for run, (viscous, coulomb), v, power in zip(runs, friction, speed, heat, strict=True):
             warm = warmth(power, 1 / (run.sample_rate * shape["time_constant"]), start)
             start = float(warm[-1]) if shape["carried"] else 0.0
-            columns.append(-warm[:, None] * np.column_stack([viscous * v, coulomb * np.sign(v)]))
+            columns.append(-warm[:, None] * np.column_stack([viscous * v, coulomb * run.direction[:, joint]]))
         return Member(dict(shape), (joint,), single_joint(columns), np.zeros(2), upper)
 
     # One run alone carries nothing.

@@ -1,0 +1,125 @@
+"""Whether what was taken in has a name: larger than on any healthy robot, and told from all else.
+
+It is judged when it is taken in, and again where what was found later makes it seen more clearly.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from testbench.robot import Robot
+
+from .accepted import Accepted
+from .candidates import SATURATION
+from .evidence import Design, Fit, fitted_to, squares
+from .ground import Ground
+from .likelihood import Weighed, gained
+from .materiality import is_beyond_healthy, is_main, is_obvious
+from .round import Found
+from .unclaimed import Unclaimed
+from .weighing import Stage
+
+# A rival of this probability explains it as well.
+AS_WELL = 0.25
+# Beside what no effect explains, one that takes off this share of it may be a trace of the same.
+DWARFED = 0.02
+
+
+def accepted_as(
+    found: Found,
+    stage: Stage,
+    apart: Stage,
+    sized: Robot,
+    before: Sequence[Accepted],
+    rest: Sequence[Weighed],
+) -> Accepted:
+    """What a round has found, and whether it has a name.
+
+    apart: the stage before any effect of the joints. rest: what is left to explain beside it.
+    """
+    best, torque_rms = found.best, stage.ground.torque_rms
+    # Where an imperfection of healthy size would explain it as well, nothing else need be there.
+    sizes = [
+        (best.candidate, found.trial[1].values[-best.candidate.count :]),
+        *((w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL),
+    ]
+    beyond = is_obvious(stage, best.gain) or all(is_beyond_healthy(sized, torque_rms, *s) for s in sizes)
+    # What a push leaves is where it was.
+    somewhere = {a.candidate.family.joint for a in before if a.named and not a.candidate.is_event}
+    main = is_main(sized, apart, stage, best, somewhere, rest)
+    certain = found.is_certain(stage)
+    taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
+    return Accepted(
+        candidate=best.candidate,
+        probability=1.0 - sum(p for _, p in found.rivals),
+        rivals=found.rivals,
+        score=best.score,
+        share=float(stage.shares(best.gain).max()),
+        worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
+        named=beyond and main and certain,
+        is_certain=certain,
+        is_trace=found.is_trace,
+    )
+
+
+def judged_again(
+    base: Ground, sized: Robot, accepted: Sequence[Accepted], rest: Sequence[Weighed]
+) -> list[Accepted]:
+    """What was taken in before a push, judged beside it: a push hides how much anything else explains.
+
+    The push is the last one; limits are judged where they are sought. rest: as of ``accepted_as``.
+    """
+    found = list(accepted)
+    for place, item in enumerate(accepted[:-1]):
+        if item.candidate.family.effect != SATURATION:
+            found[place] = _judged_beside(base, sized, found, place, rest)
+    return found
+
+
+def told_apart_at_last(
+    last: Stage, sized: Robot, accepted: Sequence[Accepted], rest: Sequence[Weighed]
+) -> list[Accepted]:
+    """What was no larger than effects that were taken in after it, judged beside those.
+
+    rest: as of ``accepted_as``.
+    """
+    base, hypothesis, fitted = last.ground, last.hypothesis, last.fitted
+    found = list(accepted)
+    for place, (item, own) in enumerate(zip(accepted, hypothesis.parts, strict=True)):
+        if item.named or item.is_trace or not item.is_certain:
+            continue
+        if is_beyond_healthy(sized, base.torque_rms, item.candidate, fitted.values[own]):
+            again = _judged_beside(base, sized, found, place, rest)
+            if again.named:
+                found[place] = again
+    return found
+
+
+def _judged_beside(
+    base: Ground, sized: Robot, accepted: Sequence[Accepted], place: int, rest: Sequence[Weighed]
+) -> Accepted:
+    """One effect judged beside all others that were taken in. rest: as of ``accepted_as``."""
+    item, others = accepted[place], [*accepted[:place], *accepted[place + 1 :]]
+    robots = [a.candidate for a in accepted if a.candidate.is_event or a.candidate.family.joint is None]
+    apart = Stage(base, *fitted_to(base.prepared, robots))
+    stage = Stage(base, *without_one(base, accepted, place))
+    gain = stage.gain(item.candidate)
+    if gain is None:
+        return item
+    trial = stage.with_effects([item.candidate])
+    gain = stage.as_fitted(gain, trial)
+    best = Weighed(gain, gained(stage, gain))
+    return accepted_as(Found(best, item.rivals, trial), stage, apart, sized, others, rest)
+
+
+def without_one(base: Ground, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
+    """The hypothesis without one of its effects, fitted in full."""
+    return fitted_to(base.prepared, [a.candidate for k, a in enumerate(accepted) if k != place])
+
+
+def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> bool:
+    """Whether what no effect explains is at its joint, which a name would only imitate, or far larger."""
+    misfit = [each.joint for each in unknown]
+    left = last.held_squares / np.maximum(last.counts, 1) / last.ground.torque_rms**2
+    largest = float(np.max(left[misfit], initial=0.0))
+    return item.candidate.family.joint in misfit or item.worth < DWARFED * largest

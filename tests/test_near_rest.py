@@ -1,0 +1,112 @@
+"""Coulomb friction that is smooth near rest, as others simulate it and as encoders show it, is no effect."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.attribution import attribute
+from diagnosis.correction import corrected_model
+from diagnosis.diagnose import diagnose
+from diagnosis.evidence import fitted_to
+from diagnosis.ground import ground
+from diagnosis.near_rest import GUESSED, soft_near_rest, with_soft_friction
+from diagnosis.predict import predict_torque
+from diagnosis.preparation import prepare
+from diagnosis.remedy import write_corrected
+from diagnosis.weighing import Stage
+from identification.parameters import COULOMB
+from testbench.effects import parse_injection
+from testbench.effects.logged import logged_run
+from testbench.log import Recording
+from testbench.robot import Robot
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+WIDTH, SHOULDER, NOISE = 0.08, 0, 0.01
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return small_arm(tmp_path_factory.mktemp("arm"))
+
+
+def _soft(arm: Robot, faults: tuple[str, ...] = ()) -> dict[str, Recording]:
+    """Runs of an arm whose shoulder has fc tanh(v / w) in place of fc sgn v, with noise."""
+    rng, runs = np.random.default_rng(4), {}
+    injected = [parse_injection(arm, fault) for fault in faults]
+    level = arm.parameters.reshape(arm.joints, -1)[SHOULDER, COULOMB]
+    for name, run in simulated_runs(arm, injected, runs=3, noise=0.0).items():
+        v = logged_run(arm, run, arm.parameters, 80.0).dq[:, SHOULDER]
+        torque = run.torque + rng.normal(0, NOISE, run.torque.shape)
+        torque[:, SHOULDER] += level * (np.tanh(v / WIDTH) - np.sign(v))
+        runs[name] = replace(run, torque=torque)
+    return runs
+
+
+def _stage(prepared) -> Stage:
+    return Stage(ground(prepared), *fitted_to(prepared, []))
+
+
+def test_the_width_is_told_to_what_noise_allows(arm):
+    prepared = prepare(arm, _soft(arm))
+    found = soft_near_rest(_stage(prepared), [], {})
+    # Cramér-Rao: how the filtered torque goes with ln w, by its noise behind the low-pass.
+    level, step = arm.parameters.reshape(arm.joints, -1)[SHOULDER, COULOMB], 1e-3
+    slope, variance = [], []
+    for run in prepared.runs:
+        v = run.logged.dq[:, [SHOULDER]]
+        change = np.tanh(v / (WIDTH * (1 + step))) - np.tanh(v / (WIDTH * (1 - step)))
+        of_width = run.filtered(level * change / (2 * step), [SHOULDER])[:, 0]
+        slope.append(of_width[run.used[:, SHOULDER]])
+        variance.append(NOISE**2 * float(np.sum(run.filters[SHOULDER].taps ** 2)))
+    # Twice over for neighbours that share noise, and for what Coulomb and viscous friction take up.
+    deviation = 2 * np.sqrt(max(variance) / np.sum(np.concatenate(slope) ** 2))
+    assert abs(np.log(found[SHOULDER] / WIDTH)) < 4 * deviation + np.log(1.02)
+
+
+def test_friction_that_jumps_is_not_soft(arm):
+    prepared = prepare(arm, simulated_runs(arm, [], runs=3))
+    assert soft_near_rest(_stage(prepared), [], {}) == {}
+
+
+def test_a_width_once_known_is_not_found_again(arm):
+    prepared = prepare(arm, _soft(arm))
+    known = soft_near_rest(_stage(prepared), [], {})
+    assert soft_near_rest(_stage(with_soft_friction(prepared, known)), [], known) == {}
+
+
+def test_what_is_slower_than_the_form_is_sure_does_not_count(arm):
+    prepared = prepare(arm, _soft(arm))
+    for before, run in zip(prepared.runs, with_soft_friction(prepared, {SHOULDER: WIDTH}).runs, strict=True):
+        slow = np.abs(run.dq[:, SHOULDER]) <= GUESSED * WIDTH
+        assert not np.any(run.used[slow, SHOULDER])
+        assert np.array_equal(run.used[:, 1:], before.used[:, 1:])
+
+
+def test_soft_friction_has_no_name(arm):
+    found = diagnose(arm, _soft(arm))
+    assert found.verdict in ("none", "parameters")
+    assert found.prepared.coulomb_smoothing[SHOULDER] == pytest.approx(WIDTH, rel=0.05)
+
+
+def test_an_effect_beside_it_is_named_alone(arm):
+    found = attribute(prepare(arm, _soft(arm, ("transmission_ripple:elbow:amplitude=0.6,cycles=12",))))
+    named = [(a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.named]
+    assert named == [("transmission_ripple", 1)]
+
+
+def test_it_is_predicted_and_said_not_to_be_in_the_simulator(arm, tmp_path):
+    runs = _soft(arm)
+    found = diagnose(arm, runs)
+    assert any(
+        "soft near rest" in sentence for sentence in write_corrected(found, tmp_path / "corrected.xml")
+    )
+    run = next(iter(runs.values()))
+    left = predict_torque(corrected_model(found), run).corrected[:, SHOULDER] - run.torque[:, SHOULDER]
+    v = logged_run(arm, run, arm.parameters, 80.0).dq[:, SHOULDER]
+    slow = (np.abs(v) < WIDTH) & (np.abs(v) > 0.02)
+    level = arm.parameters.reshape(arm.joints, -1)[SHOULDER, COULOMB]
+    # A jump would be off by half of the Coulomb friction and more there.
+    assert np.sqrt(np.mean(left[slow] ** 2)) < 0.1 * level
