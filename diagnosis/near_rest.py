@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 # rad/s (m/s): widths w that are tried, how far apart they are, and how well one is told from there.
 WIDTHS = (0.015, 0.025, 0.04, 0.065, 0.1, 0.16)
 APART, TOLERANCE = 1.6, 0.02
-# The form is a guess: up to so many widths, samples say nothing.
-GUESSED = 1.5
+# The form is a guess: up to so many widths, samples say nothing; where too few would be left, up to fewer.
+GUESSED = (2.5, 1.5)
 # Log-likelihood that it must gain, and the share of the Coulomb friction that must be missing near rest.
 SMALLEST_GAIN, SMALLEST_MISSING = 8.0, 0.3
 # And how much more than any effect of the joint it must explain: friction of real joints bends too.
@@ -54,9 +54,11 @@ def soft_near_rest(stage: Stage, weighed: Sequence[Weighed], known: Mapping[int,
     coulomb = standard_values(prepared, stage.fitted.values).reshape(-1, PER_JOINT)[:, COULOMB]
     tried = [
         (joint, width)
-        for joint in set(range(prepared.joints)) - bristled
+        for joint in range(prepared.joints)
         for width in WIDTHS
-        if width > APART * known.get(joint, 0.0) and _left(prepared, joint, width) > FEWEST
+        if joint not in bristled
+        and width > APART * known.get(joint, 0.0)
+        and _slowest(prepared, joint, width) is not None
     ]
     found: dict[int, float] = {}
     for (joint, width), gain in zip(tried, stage.gains(_bank(stage, tried)), strict=True):
@@ -71,24 +73,29 @@ def with_soft_friction(prepared: Prepared, widths: Mapping[int, float]) -> Prepa
     """The runs with smooth Coulomb friction at these joints, less what is too slow for its form to tell."""
     smoothing = prepared.coulomb_smoothing.copy()
     smoothing[list(widths)] = list(widths.values())
+    slowest = {
+        joint: _slowest(prepared, joint, width) or GUESSED[-1] * width for joint, width in widths.items()
+    }
     runs = []
     for run in prepared.runs:
         used, rows = run.used.copy(), run.rows.copy()
         logged = replace(run.logged, coulomb_smoothing=smoothing)
-        for joint, width in widths.items():
-            rows[:, joint, PER_JOINT * joint + COULOMB] = run.filtered(logged.direction[:, [joint]], [joint])[
-                :, 0
-            ]
-            used[:, joint] &= run.away_from(joint, GUESSED * width)
+        for joint, speed in slowest.items():
+            soft = run.filtered(logged.direction[:, [joint]], [joint])
+            rows[:, joint, PER_JOINT * joint + COULOMB] = soft[:, 0]
+            used[:, joint] &= run.away_from(joint, speed)
         runs.append(replace(run, logged=logged, used=used, rows=rows))
     return replace(prepared, runs=tuple(runs), coulomb_smoothing=smoothing)
 
 
-def _left(prepared: Prepared, joint: int, width: float) -> float:
-    """Share of a joint's samples that a width leaves of those that count."""
+def _slowest(prepared: Prepared, joint: int, width: float) -> float | None:
+    """The speed, rad/s (m/s), from which samples count at a width; None where too few would be left."""
     used = np.concatenate([run.used[:, joint] for run in prepared.runs])
-    away = np.concatenate([run.away_from(joint, GUESSED * width) for run in prepared.runs])
-    return float(np.sum(used & away) / max(np.sum(used), 1))
+    for widths in GUESSED:
+        away = np.concatenate([run.away_from(joint, widths * width) for run in prepared.runs])
+        if np.sum(used & away) > FEWEST * np.sum(used):
+            return widths * width
+    return None
 
 
 def _refined(stage: Stage, joint: int, width: float) -> float:

@@ -80,7 +80,7 @@ def test_a_width_once_known_is_not_found_again(arm):
 def test_what_is_slower_than_the_form_is_sure_does_not_count(arm):
     prepared = prepare(arm, _soft(arm))
     for before, run in zip(prepared.runs, with_soft_friction(prepared, {SHOULDER: WIDTH}).runs, strict=True):
-        slow = np.abs(run.dq[:, SHOULDER]) <= GUESSED * WIDTH
+        slow = np.abs(run.dq[:, SHOULDER]) <= GUESSED[0] * WIDTH
         assert not np.any(run.used[slow, SHOULDER])
         assert np.array_equal(run.used[:, 1:], before.used[:, 1:])
 
