@@ -1,0 +1,40 @@
+"""When a push is seen before the effects that would be taken for it."""
+
+from dataclasses import replace
+
+import pytest
+
+from diagnosis.attribution import attribute
+from diagnosis.contact import explains_all_bursts
+from diagnosis.evidence import fitted_to
+from diagnosis.ground import ground
+from diagnosis.preparation import prepare
+from diagnosis.weighing import Stage
+from testbench.effects import parse_injection
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+PUSH = "external_contact:elbow:law=world_force,torque=20,start=1.5,duration=0.6"
+
+
+@pytest.fixture(scope="module")
+def pushed(tmp_path_factory):
+    """Runs of an arm that is pushed in the second, prepared."""
+    arm = small_arm(tmp_path_factory.mktemp("arm"))
+    runs = simulated_runs(arm, [], runs=3)
+    runs["run_2"] = simulated_runs(arm, [parse_injection(arm, PUSH)], runs=3)["run_2"]
+    return prepare(arm, runs)
+
+
+@pytest.mark.parametrize(("left", "expected"), [((0.1, 0.1), True), ((0.1, 1.0), False), ((1.0, 0.1), False)])
+def test_it_must_explain_the_bursts_of_all_joints(pushed, left, expected):
+    stage = Stage(ground(pushed), *fitted_to(pushed, []))
+    residual = tuple(run * left for run in stage.fitted.residual)
+    assert explains_all_bursts(stage, replace(stage.fitted, residual=residual)) == expected
+
+
+def test_it_is_taken_in_before_what_would_imitate_it(pushed):
+    first, *others = attribute(pushed).accepted
+    assert first.candidate.is_event
+    assert not any(each.named for each in others)
