@@ -32,7 +32,7 @@ MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
 STANDING_OUT_TORQUE, STANDING_OUT, STANDING_OUT_LEFT, SPRING_LEFT = 0.03, 3.0, 0.37, 0.12
 SPRINGS = {"gravity_spring", "cable_spring"}
 # And what is slow, where it is this share of the joint's torque: no healthy joint leaves so much but noise.
-STRUCTURE, SLOW = 0.035, 0.5
+STRUCTURE, SLOW = 0.04, 0.5
 # Or is not noise because some part of the motion has so many times its share of it.
 DENSE = 2.0
 # A period counts from so many times the share that chance gives one.
