@@ -107,6 +107,8 @@ def _grown(
             hypothesis, fitted = linearised_anew(hypothesis, fitted)
             prepared = hypothesis.prepared
             base = ground(prepared)
+            # Old and new ones together would be too much for the memory of a small machine.
+            del proposals, free, weighed
             proposals = Bank(base, candidates(prepared, early))
             free = Bank(base, generic_candidates(prepared))
         stage = Stage(base, hypothesis, fitted)
