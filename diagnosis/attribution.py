@@ -6,7 +6,7 @@ material but no larger than on any healthy robot is fitted all the same, so that
 imitate it, but it is not named.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .accepted import Accepted, laws_of_position
-from .candidates import EVENT, SATURATION, candidates
+from .candidates import EVENT, SATURATION, Candidate, candidates
 from .evidence import Design, Fit, fitted_to, standard_values
 from .flat_top import flat_tops
 from .generic import generic_candidates
@@ -24,11 +24,11 @@ from .likelihood import Weighed, gained, weigh
 from .linearisation import RELINEARISED, first_linearised, linearised_anew
 from .materiality import is_material, with_friction
 from .naming import accepted_as, is_dwarfed, judged_again, told_apart_at_last, without_one
-from .near_rest import soft_near_rest, with_soft_friction
+from .near_rest import soft_candidates, soft_near_rest, with_soft_friction
 from .observability import not_observable
 from .preparation import Prepared
 from .round import Search
-from .saturation import cuts
+from .saturation import Cut, cuts
 from .unclaimed import Unclaimed, unclaimed
 from .weighing import Bank, Stage
 
@@ -62,27 +62,33 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
 
     Wherever friction turns out to be soft near rest, all is begun again with such friction.
     """
-    known: dict[int, float] = {}
+    # What depends on the logs alone stays when all is begun again.
+    limits, motions = cuts(prepared), generic_candidates(prepared)
+    widths: dict[int, float] = {}
     while True:
-        grown = _grown(first_linearised(with_soft_friction(prepared, known)), known, without)
+        begun = first_linearised(with_soft_friction(prepared, widths))
+        grown = _grown(begun, limits, motions, without)
         if isinstance(grown, Attribution):
             return grown
-        known |= grown
+        widths |= grown
 
 
 def _grown(
-    prepared: Prepared, known: Mapping[int, float], without: Sequence[str]
+    prepared: Prepared, limits: Sequence[Sequence[Cut]], motions: Sequence[Candidate], without: Sequence[str]
 ) -> Attribution | dict[int, float]:
-    """The hypothesis grown on these runs; or more joints that are soft near rest, and their widths."""
+    """The hypothesis grown on these runs; or more joints that are soft near rest, and their widths.
+
+    limits: of ``cuts``. motions: free functions of the motion.
+    """
     # A limit and a push of the surroundings are sought in ways of their own.
     early = [*without, SATURATION, EVENT]
     base = ground(prepared)
     hypothesis, fitted = fitted_to(prepared, [])
     first = hypothesis, fitted
     sized = with_friction(prepared.robot, standard_values(prepared, fitted.values))
-    proposals, free = (Bank(base, c) for c in (candidates(prepared, early), generic_candidates(prepared)))
+    proposals, free, soft = _banks(base, early, motions)
     original = Stage(base, hypothesis, fitted)
-    search = Search(original, sized, cuts(prepared), tuple(without))
+    search = Search(original, sized, limits, tuple(without))
     # What an effect of the whole robot explains at a joint has nothing to do with the joint's own.
     stage = apart = original
     weighed = search.open(stage, proposals)
@@ -90,8 +96,8 @@ def _grown(
     # Beside what was taken in after it, a push is seen more clearly.
     resought = False
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
-        if soft := soft_near_rest(stage, weighed, known):
-            return soft
+        if widths := soft_near_rest(stage, weighed, soft):
+            return widths
         found = search.round(stage, weighed, free)
         if found is None and not resought and (place := _of_event(accepted)) < len(accepted) - 1:
             resought, rest = True, [a for k, a in enumerate(accepted) if k != place]
@@ -108,9 +114,8 @@ def _grown(
             prepared = hypothesis.prepared
             base = ground(prepared)
             # Old and new ones together would be too much for the memory of a small machine.
-            del proposals, free, weighed
-            proposals = Bank(base, candidates(prepared, early))
-            free = Bank(base, generic_candidates(prepared))
+            del proposals, free, soft, weighed
+            proposals, free, soft = _banks(base, early, motions)
         stage = Stage(base, hypothesis, fitted)
         weighed = search.open(stage, proposals)
         accepted.append(accepted_as(found, before, apart, sized, accepted, weighed))
@@ -135,6 +140,12 @@ def _grown(
     hidden = not_observable(sized, base.torque_rms, open_)
     accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
+
+
+def _banks(base: Ground, early: Sequence[str], motions: Sequence[Candidate]) -> tuple[Bank, Bank, Bank]:
+    """What is weighed at every stage: the catalogue but for ``early``, free functions, soft friction."""
+    prepared = base.prepared
+    return Bank(base, candidates(prepared, early)), Bank(base, motions), Bank(base, soft_candidates(prepared))
 
 
 def _of_event(accepted: Sequence[Accepted]) -> int:

@@ -35,12 +35,13 @@ def generic_candidates(prepared: Prepared) -> list[Candidate]:
             if k == 0:
                 continue
             member = Member({}, (joint,), single_joint(columns), np.full(k, -np.inf), np.full(k, np.inf))
-            family = Family(f"{FREE}{regime}", joint, (member,), _no_parameters)
+            family = Family(f"{FREE}{regime}", joint, (member,), no_parameters)
             found.append(candidate(prepared, family, member))
     return found
 
 
-def _no_parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+def no_parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+    """Of what has no law in the catalogue."""
     return {}
 
 

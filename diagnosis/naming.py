@@ -69,10 +69,10 @@ def judged_again(
 
     The push is the last one; limits are judged where they are sought. rest: as of ``accepted_as``.
     """
-    found = list(accepted)
+    found, apart = list(accepted), _of_robots(base, accepted)
     for place, item in enumerate(accepted[:-1]):
         if item.candidate.family.effect != SATURATION:
-            found[place] = _judged_beside(base, sized, found, place, rest)
+            found[place] = _judged_beside(apart, sized, found, place, rest)
     return found
 
 
@@ -83,25 +83,34 @@ def told_apart_at_last(
 
     rest: as of ``accepted_as``.
     """
-    base, hypothesis, fitted = last.ground, last.hypothesis, last.fitted
-    found = list(accepted)
-    for place, (item, own) in enumerate(zip(accepted, hypothesis.parts, strict=True)):
-        if item.named or item.is_trace or not item.is_certain:
-            continue
-        if is_beyond_healthy(sized, base.torque_rms, item.candidate, fitted.values[own]):
-            again = _judged_beside(base, sized, found, place, rest)
-            if again.named:
-                found[place] = again
+    base, values, found = last.ground, last.fitted.values, list(accepted)
+    hidden = [
+        place
+        for place, (item, own) in enumerate(zip(accepted, last.hypothesis.parts, strict=True))
+        if not item.named
+        and item.is_certain
+        and not item.is_trace
+        and is_beyond_healthy(sized, base.torque_rms, item.candidate, values[own])
+    ]
+    apart = _of_robots(base, accepted) if hidden else last
+    for place in hidden:
+        again = _judged_beside(apart, sized, found, place, rest)
+        if again.named:
+            found[place] = again
     return found
 
 
-def _judged_beside(
-    base: Ground, sized: Robot, accepted: Sequence[Accepted], place: int, rest: Sequence[Weighed]
-) -> Accepted:
-    """One effect judged beside all others that were taken in. rest: as of ``accepted_as``."""
-    item, others = accepted[place], [*accepted[:place], *accepted[place + 1 :]]
+def _of_robots(base: Ground, accepted: Sequence[Accepted]) -> Stage:
+    """The stage with pushes and effects of the whole robot alone."""
     robots = [a.candidate for a in accepted if a.candidate.is_event or a.candidate.family.joint is None]
-    apart = Stage(base, *fitted_to(base.prepared, robots))
+    return Stage(base, *fitted_to(base.prepared, robots))
+
+
+def _judged_beside(
+    apart: Stage, sized: Robot, accepted: Sequence[Accepted], place: int, rest: Sequence[Weighed]
+) -> Accepted:
+    """One effect judged beside all others that were taken in. apart, rest: as of ``accepted_as``."""
+    item, others, base = accepted[place], [*accepted[:place], *accepted[place + 1 :]], apart.ground
     stage = Stage(base, *without_one(base, accepted, place))
     gain = stage.gain(item.candidate)
     if gain is None:

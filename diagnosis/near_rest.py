@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from identification.parameters import COULOMB, PER_JOINT
-from testbench.effects.signature import Family, Member, Quantity, single_joint
+from testbench.effects.signature import Family, Member, single_joint
 
 from .candidates import Candidate, candidate
 from .evidence import standard_values
+from .generic import no_parameters
 from .likelihood import Weighed, gained
 from .materiality import BRISTLES
 from .preparation import Prepared
@@ -38,39 +39,44 @@ MORE = 1.3
 FEWEST = 0.25
 
 
-def soft_near_rest(stage: Stage, weighed: Sequence[Weighed], known: Mapping[int, float]) -> dict[int, float]:
-    """The joints whose friction is soft near rest, and its width w, rad/s (m/s).
+def soft_candidates(prepared: Prepared) -> list[Candidate]:
+    """What smoothing takes off a unit of each Coulomb friction, at every width that leaves enough samples."""
+    return [
+        _missing(prepared, joint, width)
+        for joint, known in enumerate(prepared.coulomb_smoothing)
+        for width in WIDTHS
+        if width > APART * known and _slowest(prepared, joint, width) is not None
+    ]
 
-    weighed: what each effect of the catalogue explains beside the stage's. known: those found before, which
-    may be wider.
+
+def soft_near_rest(stage: Stage, weighed: Sequence[Weighed], soft: Bank) -> dict[int, float]:
+    """The joints whose friction is soft near rest, softer than is known, and its width w, rad/s (m/s).
+
+    weighed: what each effect of the catalogue explains beside the stage's. soft: of ``soft_candidates``.
     """
     prepared = stage.prepared
     least = np.full(prepared.joints, SMALLEST_GAIN)
-    for each in weighed:
-        if (joint := each.candidate.family.joint) is not None:
-            least[joint] = max(least[joint], MORE * each.score)
+    for rival in weighed:
+        if (joint := rival.candidate.family.joint) is not None:
+            least[joint] = max(least[joint], MORE * rival.score)
     # Bristles are soft near rest in their own way.
     bristled = {c.family.joint for c in stage.hypothesis.accepted if c.family.effect == BRISTLES}
     coulomb = standard_values(prepared, stage.fitted.values).reshape(-1, PER_JOINT)[:, COULOMB]
-    tried = [
-        (joint, width)
-        for joint in range(prepared.joints)
-        for width in WIDTHS
-        if joint not in bristled
-        and width > APART * known.get(joint, 0.0)
-        and _slowest(prepared, joint, width) is not None
-    ]
     found: dict[int, float] = {}
-    for (joint, width), gain in zip(tried, stage.gains(_bank(stage, tried)), strict=True):
-        if gain is None or gain.coefficients[0] < SMALLEST_MISSING * coulomb[joint]:
+    for each, gain in zip(soft.candidates, stage.gains(soft), strict=True):
+        joint = each.family.joint
+        assert joint is not None
+        if gain is None or joint in bristled or gain.coefficients[0] < SMALLEST_MISSING * coulomb[joint]:
             continue
         if (score := gained(stage, gain)) > least[joint]:
-            least[joint], found[joint] = score, width
+            least[joint], found[joint] = score, each.member.shape["width"]
     return {joint: _refined(stage, joint, width) for joint, width in found.items()}
 
 
 def with_soft_friction(prepared: Prepared, widths: Mapping[int, float]) -> Prepared:
     """The runs with smooth Coulomb friction at these joints, less what is too slow for its form to tell."""
+    if not widths:
+        return prepared
     smoothing = prepared.coulomb_smoothing.copy()
     smoothing[list(widths)] = list(widths.values())
     slowest = {
@@ -85,7 +91,7 @@ def with_soft_friction(prepared: Prepared, widths: Mapping[int, float]) -> Prepa
             rows[:, joint, PER_JOINT * joint + COULOMB] = soft[:, 0]
             used[:, joint] &= run.away_from(joint, speed)
         runs.append(replace(run, logged=logged, used=used, rows=rows))
-    return replace(prepared, runs=tuple(runs), coulomb_smoothing=smoothing)
+    return replace(prepared, runs=tuple(runs))
 
 
 def _slowest(prepared: Prepared, joint: int, width: float) -> float | None:
@@ -102,16 +108,12 @@ def _refined(stage: Stage, joint: int, width: float) -> float:
     """The likeliest width between the neighbours of one that was tried."""
 
     def negative(logarithm: float) -> float:
-        (gain,) = stage.gains(_bank(stage, [(joint, float(np.exp(logarithm)))]))
+        gain = stage.gain(_missing(stage.prepared, joint, float(np.exp(logarithm))))
         return 0.0 if gain is None else -gained(stage, gain)
 
     bounds = np.log(width / APART), np.log(width * APART)
     best = minimize_scalar(negative, bounds=bounds, method="bounded", options={"xatol": TOLERANCE})
     return float(np.exp(best.x))
-
-
-def _bank(stage: Stage, places: Sequence[tuple[int, float]]) -> Bank:
-    return Bank(stage.ground, [_missing(stage.prepared, *place) for place in places])
 
 
 def _missing(prepared: Prepared, joint: int, width: float) -> Candidate:
@@ -121,8 +123,4 @@ def _missing(prepared: Prepared, joint: int, width: float) -> Candidate:
         v = run.logged.dq[:, joint]
         columns.append((np.tanh(v / width) - np.sign(v))[:, None])
     member = Member({"width": width}, (joint,), single_joint(columns), np.zeros(1), np.full(1, np.inf))
-    return candidate(prepared, Family("soft friction", joint, (member,), _no_parameters), member)
-
-
-def _no_parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
-    return {}
+    return candidate(prepared, Family("soft friction", joint, (member,), no_parameters), member)

@@ -75,20 +75,24 @@ class Prepared:
     """All runs, and the folds that are left out in turn.
 
     folds: per fold, the run's index and the samples (into its M) that belong to it. band: (n,) of the widest
-    band, the share that each joint's filter leaves. coulomb_smoothing: (n,) rad/s (m/s), w of Coulomb
-    friction fc tanh(v / w); 0 for fc sgn v.
+    band, the share that each joint's filter leaves.
     """
 
     robot: Robot
     runs: tuple[Run, ...]
     band: Array
     folds: tuple[tuple[int, slice], ...]
-    coulomb_smoothing: Array
 
     @property
     def joints(self) -> int:
         """Number of joints."""
         return self.robot.joints
+
+    @property
+    def coulomb_smoothing(self) -> Array:
+        """(n,) rad/s (m/s), w of Coulomb friction fc tanh(v / w), alike in all runs; 0 for fc sgn v."""
+        smoothing = self.runs[0].logged.coulomb_smoothing
+        return np.zeros(self.joints) if smoothing is None else smoothing
 
     @property
     def nominal(self) -> Array:
@@ -125,7 +129,7 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     runs = tuple(_run(robot, name, thin[name], motions[name], bands) for name in thin)
     each = -(-FEWEST_FOLDS // len(runs))
     folds = tuple((index, part) for index, run in enumerate(runs) for part in _blocks(len(run.time), each))
-    return Prepared(robot, runs, bands / widest, folds, np.zeros(robot.joints))
+    return Prepared(robot, runs, bands / widest, folds)
 
 
 def _blocks(samples: int, count: int) -> list[slice]:

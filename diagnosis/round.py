@@ -93,8 +93,11 @@ class Search:
         clipped = None if SATURATION in self.without else saturation(stage, free, self.limits)
         limit = 0.0 if clipped is None else clipped.score
         largest = max((w.score for w in material), default=0.0)
-        far_more = pushed is not None and pushed.best.score > FAR_MORE * max(largest, limit)
-        if pushed is not None and far_more and explains_all_bursts(stage, pushed.trial[1]):
+        if (
+            pushed is not None
+            and pushed.best.score > FAR_MORE * max(largest, limit)
+            and explains_all_bursts(stage, pushed.trial[1])
+        ):
             return pushed
         if clipped is not None and limit > largest:
             # Who withstands a push asks for torque as long as it lasts.

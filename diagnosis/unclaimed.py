@@ -152,7 +152,7 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     for joint in np.flatnonzero(unfit | stands_out | structured).tolist():
         slow = _slow(last, joint)
         is_large = unfit[joint] and noise[joint] > MISFIT_NOISE
-        is_structure = structured[joint] and relative[joint] * np.sqrt(max(slow, 0.0)) > STRUCTURE
+        is_structure = structured[joint] and relative[joint] ** 2 * slow > STRUCTURE**2
         is_slow = slow > SLOW and (stands_out[joint] or is_structure)
         if is_large or is_slow or ((unfit | stands_out)[joint] and _is_dense(last, joint)):
             yield Unclaimed(joint, NOTHING, min(float(left[joint]), 1.0))

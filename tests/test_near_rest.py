@@ -10,11 +10,11 @@ from diagnosis.correction import corrected_model
 from diagnosis.diagnose import diagnose
 from diagnosis.evidence import fitted_to
 from diagnosis.ground import ground
-from diagnosis.near_rest import GUESSED, soft_near_rest, with_soft_friction
+from diagnosis.near_rest import GUESSED, soft_candidates, soft_near_rest, with_soft_friction
 from diagnosis.predict import predict_torque
-from diagnosis.preparation import prepare
+from diagnosis.preparation import Prepared, prepare
 from diagnosis.remedy import write_corrected
-from diagnosis.weighing import Stage
+from diagnosis.weighing import Bank, Stage
 from identification.parameters import COULOMB
 from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run
@@ -45,13 +45,15 @@ def _soft(arm: Robot, faults: tuple[str, ...] = ()) -> dict[str, Recording]:
     return runs
 
 
-def _stage(prepared) -> Stage:
-    return Stage(ground(prepared), *fitted_to(prepared, []))
+def _found(prepared: Prepared) -> dict[int, float]:
+    """What is soft beside re-identification alone, were there no effects to rival it."""
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    return soft_near_rest(stage, [], Bank(stage.ground, soft_candidates(prepared)))
 
 
 def test_the_width_is_told_to_what_noise_allows(arm):
     prepared = prepare(arm, _soft(arm))
-    found = soft_near_rest(_stage(prepared), [], {})
+    found = _found(prepared)
     # Cramér-Rao: how the filtered torque goes with ln w, by its noise behind the low-pass.
     level, step = arm.parameters.reshape(arm.joints, -1)[SHOULDER, COULOMB], 1e-3
     slope, variance = [], []
@@ -68,13 +70,12 @@ def test_the_width_is_told_to_what_noise_allows(arm):
 
 def test_friction_that_jumps_is_not_soft(arm):
     prepared = prepare(arm, simulated_runs(arm, [], runs=3))
-    assert soft_near_rest(_stage(prepared), [], {}) == {}
+    assert _found(prepared) == {}
 
 
 def test_a_width_once_known_is_not_found_again(arm):
     prepared = prepare(arm, _soft(arm))
-    known = soft_near_rest(_stage(prepared), [], {})
-    assert soft_near_rest(_stage(with_soft_friction(prepared, known)), [], known) == {}
+    assert _found(with_soft_friction(prepared, _found(prepared))) == {}
 
 
 def test_what_is_slower_than_the_form_is_sure_does_not_count(arm):
