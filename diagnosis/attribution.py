@@ -24,7 +24,7 @@ from .likelihood import Weighed, gained, weigh
 from .linearisation import RELINEARISED, first_linearised, linearised_anew
 from .materiality import is_material, with_friction
 from .naming import accepted_as, is_dwarfed, judged_again, told_apart_at_last, without_one
-from .near_rest import soft_candidates, soft_near_rest, with_soft_friction
+from .near_rest import NearRest, lead_candidates, near_rest, soft_candidates, with_friction_near_rest
 from .observability import not_observable
 from .preparation import Prepared
 from .round import Search
@@ -60,23 +60,23 @@ class Attribution:
 def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     """Grow the hypothesis from "parameters only" until nothing material is left to explain.
 
-    Wherever friction turns out to be soft near rest, all is begun again with such friction.
+    Where friction turns out not to jump with the speed's sign, all is begun again with what it does.
     """
     # What depends on the logs alone stays when all is begun again.
     limits, motions = cuts(prepared), generic_candidates(prepared)
-    widths: dict[int, float] = {}
+    known = NearRest()
     while True:
-        begun = first_linearised(with_soft_friction(prepared, widths))
+        begun = first_linearised(with_friction_near_rest(prepared, known))
         grown = _grown(begun, limits, motions, without)
         if isinstance(grown, Attribution):
             return grown
-        widths |= grown
+        known = grown
 
 
 def _grown(
     prepared: Prepared, limits: Sequence[Sequence[Cut]], motions: Sequence[Candidate], without: Sequence[str]
-) -> Attribution | dict[int, float]:
-    """The hypothesis grown on these runs; or more joints that are soft near rest, and their widths.
+) -> Attribution | NearRest:
+    """The hypothesis grown on these runs; or what more is known of friction near rest.
 
     limits: of ``cuts``. motions: free functions of the motion.
     """
@@ -86,7 +86,7 @@ def _grown(
     hypothesis, fitted = fitted_to(prepared, [])
     first = hypothesis, fitted
     sized = with_friction(prepared.robot, standard_values(prepared, fitted.values))
-    proposals, free, soft = _banks(base, early, motions)
+    proposals, free, ahead, soft = _banks(base, early, motions)
     original = Stage(base, hypothesis, fitted)
     search = Search(original, sized, limits, tuple(without))
     # What an effect of the whole robot explains at a joint has nothing to do with the joint's own.
@@ -96,8 +96,8 @@ def _grown(
     # Beside what was taken in after it, a push is seen more clearly.
     resought = False
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
-        if widths := soft_near_rest(stage, weighed, soft):
-            return widths
+        if (more := near_rest(stage, weighed, ahead, soft)) is not None:
+            return more
         found = search.round(stage, weighed, free)
         if found is None and not resought and (place := _of_event(accepted)) < len(accepted) - 1:
             resought, rest = True, [a for k, a in enumerate(accepted) if k != place]
@@ -114,8 +114,8 @@ def _grown(
             prepared = hypothesis.prepared
             base = ground(prepared)
             # Old and new ones together would be too much for the memory of a small machine.
-            del proposals, free, soft, weighed
-            proposals, free, soft = _banks(base, early, motions)
+            del proposals, free, ahead, soft, weighed
+            proposals, free, ahead, soft = _banks(base, early, motions)
         stage = Stage(base, hypothesis, fitted)
         weighed = search.open(stage, proposals)
         accepted.append(accepted_as(found, before, apart, sized, accepted, weighed))
@@ -142,10 +142,12 @@ def _grown(
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 
-def _banks(base: Ground, early: Sequence[str], motions: Sequence[Candidate]) -> tuple[Bank, Bank, Bank]:
-    """What is weighed at every stage: the catalogue but for ``early``, free functions, soft friction."""
+def _banks(base: Ground, early: Sequence[str], motions: Sequence[Candidate]) -> tuple[Bank, Bank, Bank, Bank]:
+    """What is weighed at every stage: the catalogue but for ``early``, free functions, friction near rest."""
     prepared = base.prepared
-    return Bank(base, candidates(prepared, early)), Bank(base, motions), Bank(base, soft_candidates(prepared))
+    sought = candidates(prepared, early), motions, lead_candidates(prepared), soft_candidates(prepared)
+    catalogue, free, ahead, soft = (Bank(base, each) for each in sought)
+    return catalogue, free, ahead, soft
 
 
 def _of_event(accepted: Sequence[Accepted]) -> int:

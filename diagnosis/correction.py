@@ -41,8 +41,8 @@ class Corrected:
 
     chain, limits: of the model as given. nominal: as given. parameters: re-identified alone. final:
     beside the effects. parameters_timing, final_timing: s, by which the logged torque is late.
-    linearised: (14 n,) that the effects' columns are taken at. coulomb_smoothing: (n,) rad/s (m/s), w of
-    Coulomb friction fc tanh(v / w) in what was re-identified; 0 for fc sgn v. body_rotation (3, 3),
+    linearised: (14 n,) that the effects' columns are taken at. coulomb_smoothing, coulomb_lead: (n,) rad/s
+    (m/s) and s, of Coulomb friction in what was re-identified, as of Logged. body_rotation (3, 3),
     body_origin (3,) m: the last body's frame in the last link's.
     """
 
@@ -55,6 +55,7 @@ class Corrected:
     final_timing: float
     linearised: Array
     coulomb_smoothing: Array
+    coulomb_lead: float
     body_rotation: Array
     body_origin: Array
     terms: tuple[Term, ...]
@@ -83,6 +84,7 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
         final_timing=diagnosis.timing,
         linearised=logged.parameters,
         coulomb_smoothing=diagnosis.prepared.coulomb_smoothing,
+        coulomb_lead=diagnosis.prepared.coulomb_lead,
         body_rotation=logged.body_rotation,
         body_origin=logged.body_origin,
         terms=tuple(terms),
@@ -110,6 +112,7 @@ def correction_document(model: Corrected) -> dict[str, Any]:
         },
         "nominal": model.nominal.tolist(),
         "coulomb_smoothing": model.coulomb_smoothing.tolist(),
+        "coulomb_lead": model.coulomb_lead,
         "parameters": {"standard": model.parameters.tolist(), "timing": model.parameters_timing},
         "effects": {
             "standard": model.final.tolist(),
@@ -156,6 +159,7 @@ def read_correction(document: Any, source: object) -> Corrected:
             final_timing=float(effects["timing"]),
             linearised=np.array(effects["linearised_at"], dtype=np.float64),
             coulomb_smoothing=np.array(document["coulomb_smoothing"], dtype=np.float64),
+            coulomb_lead=float(document["coulomb_lead"]),
             body_rotation=np.array(document["last_body"]["rotation"], dtype=np.float64),
             body_origin=np.array(document["last_body"]["origin"], dtype=np.float64),
             terms=tuple(

@@ -4,24 +4,29 @@ Near rest no joint has all of its Coulomb friction: bristles bend, grease creeps
 simulates smooths the jump: fc tanh(v / w) in place of fc sgn v. Taken for a jump, what is missing there looks
 like friction that bends at any speed. Where the smooth form explains more than any effect of the joint, it
 is the joint's Coulomb friction.
+
+And a simulator whose friction is a soft constraint, as MuJoCo's frictionloss, turns it when v + l a changes
+sign: l = time constant x impedance / 2 ahead of the joint, 9.5 ms unless told otherwise. No hardware does so;
+it is told from all joints together.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from identification.parameters import COULOMB, PER_JOINT
+from testbench.effects.logged import Logged
 from testbench.effects.signature import Family, Member, single_joint
 
 from .candidates import Candidate, candidate
 from .evidence import standard_values
 from .generic import no_parameters
-from .likelihood import Weighed, gained
+from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import BRISTLES
-from .preparation import Prepared
+from .preparation import DEAD_ZONE, Prepared
 from .weighing import Bank, Stage
 
 Array = NDArray[np.float64]
@@ -37,6 +42,29 @@ SMALLEST_GAIN, SMALLEST_MISSING = 8.0, 0.3
 MORE = 1.3
 # And the share of the joint's samples that must be left.
 FEWEST = 0.25
+# s: leads l that are tried, how far apart they are, and the widths that each is tried with.
+LEADS, LEADS_APART, LEADING_WIDTHS = (0.0024, 0.0038, 0.006, 0.0095, 0.015), 1.6, (0.0, 0.012)
+# Of so many joints, where there are as many: it is the simulator's, not a joint's.
+LEADING = 2
+
+
+@dataclass(frozen=True)
+class NearRest:
+    """Coulomb friction fc tanh((v + l a) / w) of every joint.
+
+    widths: w of the joints that are soft, rad/s (m/s). lead: l of all, s.
+    """
+
+    widths: Mapping[int, float] = field(default_factory=dict)
+    lead: float = 0.0
+
+
+def lead_candidates(prepared: Prepared) -> list[Candidate]:
+    """What turning ahead of the joint adds to a unit of each Coulomb friction; none where it is known."""
+    if prepared.coulomb_lead > 0:
+        return []
+    joints = range(prepared.joints)
+    return [_ahead(prepared, j, lead, width) for j in joints for lead in LEADS for width in LEADING_WIDTHS]
 
 
 def soft_candidates(prepared: Prepared) -> list[Candidate]:
@@ -49,19 +77,61 @@ def soft_candidates(prepared: Prepared) -> list[Candidate]:
     ]
 
 
-def soft_near_rest(stage: Stage, weighed: Sequence[Weighed], soft: Bank) -> dict[int, float]:
-    """The joints whose friction is soft near rest, softer than is known, and its width w, rad/s (m/s).
+def near_rest(stage: Stage, weighed: Sequence[Weighed], ahead: Bank, soft: Bank) -> NearRest | None:
+    """What friction does near rest beyond what is known; None for nothing.
 
-    weighed: what each effect of the catalogue explains beside the stage's. soft: of ``soft_candidates``.
+    weighed: what each effect of the catalogue explains beside the stage's. ahead, soft: of
+    ``lead_candidates`` and ``soft_candidates``.
     """
-    prepared = stage.prepared
-    least = np.full(prepared.joints, SMALLEST_GAIN)
+    least = np.full(stage.prepared.joints, SMALLEST_GAIN)
     for rival in weighed:
         if (joint := rival.candidate.family.joint) is not None:
             least[joint] = max(least[joint], MORE * rival.score)
+    # A delay that the timing of the log only makes up for is none.
+    of_all = [
+        rival.score
+        for rival in weighed
+        if rival.candidate.family.joint is None and gained_by_shift(stage, rival.gain) >= 0
+    ]
+    lead = _leading(stage, least, MORE * max(of_all, default=0.0), ahead)
+    known = {int(j): float(w) for j, w in enumerate(stage.prepared.coulomb_smoothing) if w > 0}
+    if lead > 0:
+        # How wide it turns is told once it is known when.
+        return NearRest({}, lead)
+    widths = _soft(stage, least, soft)
+    return NearRest(known | widths, stage.prepared.coulomb_lead) if widths else None
+
+
+def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> float:
+    """Seconds by which the friction of all joints turns ahead of them; 0 where too few do, or hardly."""
+    coulomb = _coulomb(stage)
+    explained, widths = np.zeros((2, len(LEADS), len(coulomb)))
+    for each, gain in zip(ahead.candidates, stage.gains(ahead), strict=True):
+        joint, shape = each.family.joint, each.member.shape
+        assert joint is not None
+        if gain is None or gain.coefficients[0] < SMALLEST_MISSING * coulomb[joint]:
+            continue
+        place = LEADS.index(shape["lead"]), joint
+        if (score := gained(stage, gain)) > explained[place]:
+            explained[place], widths[place] = score, shape["width"]
+    leading = np.flatnonzero(explained.max(axis=0) > least)
+    together = explained[:, leading].sum(axis=1)
+    best = int(together.argmax())
+    if len(leading) < min(LEADING, len(coulomb)) or together[best] <= least_of_all:
+        return 0.0
+
+    def negative(lead: float) -> float:
+        tried = [_ahead(stage.prepared, int(j), lead, float(widths[best, j])) for j in leading]
+        return -sum(gained(stage, gain) for gain in map(stage.gain, tried) if gain is not None)
+
+    return _likeliest(negative, LEADS[best], LEADS_APART)
+
+
+def _soft(stage: Stage, least: Array, soft: Bank) -> dict[int, float]:
+    """The joints whose friction is soft near rest, softer than is known, and its width w, rad/s (m/s)."""
     # Bristles are soft near rest in their own way.
     bristled = {c.family.joint for c in stage.hypothesis.accepted if c.family.effect == BRISTLES}
-    coulomb = standard_values(prepared, stage.fitted.values).reshape(-1, PER_JOINT)[:, COULOMB]
+    coulomb, least = _coulomb(stage), least.copy()
     found: dict[int, float] = {}
     for each, gain in zip(soft.candidates, stage.gains(soft), strict=True):
         joint = each.family.joint
@@ -70,27 +140,46 @@ def soft_near_rest(stage: Stage, weighed: Sequence[Weighed], soft: Bank) -> dict
             continue
         if (score := gained(stage, gain)) > least[joint]:
             least[joint], found[joint] = score, each.member.shape["width"]
-    return {joint: _refined(stage, joint, width) for joint, width in found.items()}
+
+    def negative(joint: int) -> Callable[[float], float]:
+        def of_width(width: float) -> float:
+            gain = stage.gain(_missing(stage.prepared, joint, width))
+            return 0.0 if gain is None else -gained(stage, gain)
+
+        return of_width
+
+    return {joint: _likeliest(negative(joint), width, APART) for joint, width in found.items()}
 
 
-def with_soft_friction(prepared: Prepared, widths: Mapping[int, float]) -> Prepared:
-    """The runs with smooth Coulomb friction at these joints, less what is too slow for its form to tell."""
-    if not widths:
+def _coulomb(stage: Stage) -> Array:
+    """(n,) N·m of Coulomb friction as fitted."""
+    return standard_values(stage.prepared, stage.fitted.values).reshape(-1, PER_JOINT)[:, COULOMB]
+
+
+def with_friction_near_rest(prepared: Prepared, known: NearRest) -> Prepared:
+    """The runs with such Coulomb friction, less what is too slow for its form to tell."""
+    if not known.widths and not known.lead:
         return prepared
-    smoothing = prepared.coulomb_smoothing.copy()
-    smoothing[list(widths)] = list(widths.values())
+    smoothing = np.zeros(prepared.joints)
+    smoothing[list(known.widths)] = list(known.widths.values())
+    turned = [
+        replace(run, logged=replace(run.logged, coulomb_smoothing=smoothing, coulomb_lead=known.lead))
+        for run in prepared.runs
+    ]
+    prepared = replace(prepared, runs=tuple(turned))
+    joints = range(prepared.joints) if known.lead else known.widths
     slowest = {
-        joint: _slowest(prepared, joint, width) or GUESSED[-1] * width for joint, width in widths.items()
+        joint: _slowest(prepared, joint, width) or GUESSED[-1] * width
+        for joint, width in known.widths.items()
     }
     runs = []
     for run in prepared.runs:
         used, rows = run.used.copy(), run.rows.copy()
-        logged = replace(run.logged, coulomb_smoothing=smoothing)
-        for joint, speed in slowest.items():
-            soft = run.filtered(logged.direction[:, [joint]], [joint])
-            rows[:, joint, PER_JOINT * joint + COULOMB] = soft[:, 0]
-            used[:, joint] &= run.away_from(joint, speed)
-        runs.append(replace(run, logged=logged, used=used, rows=rows))
+        for joint in joints:
+            share = run.filtered(run.logged.direction[:, [joint]], [joint])
+            rows[:, joint, PER_JOINT * joint + COULOMB] = share[:, 0]
+            used[:, joint] &= run.away_from(joint, slowest.get(joint, DEAD_ZONE))
+        runs.append(replace(run, used=used, rows=rows))
     return replace(prepared, runs=tuple(runs))
 
 
@@ -104,23 +193,37 @@ def _slowest(prepared: Prepared, joint: int, width: float) -> float | None:
     return None
 
 
-def _refined(stage: Stage, joint: int, width: float) -> float:
-    """The likeliest width between the neighbours of one that was tried."""
-
-    def negative(logarithm: float) -> float:
-        gain = stage.gain(_missing(stage.prepared, joint, float(np.exp(logarithm))))
-        return 0.0 if gain is None else -gained(stage, gain)
-
-    bounds = np.log(width / APART), np.log(width * APART)
-    best = minimize_scalar(negative, bounds=bounds, method="bounded", options={"xatol": TOLERANCE})
+def _likeliest(negative: Callable[[float], float], tried: float, apart: float) -> float:
+    """The minimum between the neighbours of a value that was tried."""
+    bounds = np.log(tried / apart), np.log(tried * apart)
+    best = minimize_scalar(
+        lambda logarithm: negative(float(np.exp(logarithm))),
+        bounds=bounds,
+        method="bounded",
+        options={"xatol": TOLERANCE},
+    )
     return float(np.exp(best.x))
 
 
 def _missing(prepared: Prepared, joint: int, width: float) -> Candidate:
     """What smoothing takes off a unit of a joint's Coulomb friction."""
-    columns = []
-    for run in prepared.runs:
-        v = run.logged.dq[:, joint]
-        columns.append((np.tanh(v / width) - np.sign(v))[:, None])
-    member = Member({"width": width}, (joint,), single_joint(columns), np.zeros(1), np.full(1, np.inf))
-    return candidate(prepared, Family("soft friction", joint, (member,), no_parameters), member)
+    return _changed(prepared, joint, {"width": width}, lambda run: np.tanh(run.turning[:, joint] / width))
+
+
+def _ahead(prepared: Prepared, joint: int, lead: float, width: float) -> Candidate:
+    """What turning so many seconds ahead of the joint adds to a unit of its Coulomb friction."""
+
+    def turned(run: Logged) -> Array:
+        turning = run.dq[:, joint] + lead * run.ddq[:, joint]
+        return np.tanh(turning / width) if width > 0 else np.sign(turning)
+
+    return _changed(prepared, joint, {"lead": lead, "width": width}, turned)
+
+
+def _changed(
+    prepared: Prepared, joint: int, shape: dict[str, float], turned: Callable[[Logged], Array]
+) -> Candidate:
+    """A share (N,) of a joint's Coulomb friction in place of the sign that the friction turns with."""
+    columns = [(turned(run.logged) - np.sign(run.logged.turning[:, joint]))[:, None] for run in prepared.runs]
+    member = Member(shape, (joint,), single_joint(columns), np.zeros(1), np.full(1, np.inf))
+    return candidate(prepared, Family("friction near rest", joint, (member,), no_parameters), member)

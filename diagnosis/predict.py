@@ -153,6 +153,7 @@ def logged_motion(model: Corrected, recording: Recording) -> Logged:
         body_rotation=model.body_rotation,
         body_origin=model.body_origin,
         coulomb_smoothing=model.coulomb_smoothing,
+        coulomb_lead=model.coulomb_lead,
     )
     command = _command(model, recording, logged.dq) if same_grid else None
     return replace(logged, tau=logged.predicted, torque_command=command)

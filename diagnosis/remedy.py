@@ -56,6 +56,12 @@ def write_corrected(diagnosis: Diagnosis, path: str | Path) -> tuple[str, ...]:
         unit = "m/s" if model.chain.is_slide[joint] else "rad/s"
         law = f"fc tanh(v / {width:.2g} {unit})"
         kept += (f"friction of {name} is soft near rest, {law}; MuJoCo's frictionloss jumps",)
+    if model.coulomb_lead > 0:
+        # The impedance at which it stands is the constraint's own: 2 l / dmax.
+        kept += (
+            f"friction changes sign {1e3 * model.coulomb_lead:.1f} ms ahead of the joints; "
+            "MuJoCo's frictionloss does by half of solreffriction's time constant",
+        )
     return kept + refused
 
 

@@ -10,7 +10,14 @@ from diagnosis.correction import corrected_model
 from diagnosis.diagnose import diagnose
 from diagnosis.evidence import fitted_to
 from diagnosis.ground import ground
-from diagnosis.near_rest import GUESSED, soft_candidates, soft_near_rest, with_soft_friction
+from diagnosis.near_rest import (
+    GUESSED,
+    NearRest,
+    lead_candidates,
+    near_rest,
+    soft_candidates,
+    with_friction_near_rest,
+)
 from diagnosis.predict import predict_torque
 from diagnosis.preparation import Prepared, prepare
 from diagnosis.remedy import write_corrected
@@ -45,10 +52,11 @@ def _soft(arm: Robot, faults: tuple[str, ...] = ()) -> dict[str, Recording]:
     return runs
 
 
-def _found(prepared: Prepared) -> dict[int, float]:
+def _found(prepared: Prepared) -> NearRest:
     """What is soft beside re-identification alone, were there no effects to rival it."""
     stage = Stage(ground(prepared), *fitted_to(prepared, []))
-    return soft_near_rest(stage, [], Bank(stage.ground, soft_candidates(prepared)))
+    sought = lead_candidates(prepared), soft_candidates(prepared)
+    return near_rest(stage, [], *(Bank(stage.ground, each) for each in sought)) or NearRest()
 
 
 def test_the_width_is_told_to_what_noise_allows(arm):
@@ -65,22 +73,24 @@ def test_the_width_is_told_to_what_noise_allows(arm):
         variance.append(NOISE**2 * float(np.sum(run.filters[SHOULDER].taps ** 2)))
     # Twice over for neighbours that share noise, and for what Coulomb and viscous friction take up.
     deviation = 2 * np.sqrt(max(variance) / np.sum(np.concatenate(slope) ** 2))
-    assert abs(np.log(found[SHOULDER] / WIDTH)) < 4 * deviation + np.log(1.02)
+    assert abs(np.log(found.widths[SHOULDER] / WIDTH)) < 4 * deviation + np.log(1.02)
 
 
 def test_friction_that_jumps_is_not_soft(arm):
     prepared = prepare(arm, simulated_runs(arm, [], runs=3))
-    assert _found(prepared) == {}
+    assert _found(prepared) == NearRest()
 
 
 def test_a_width_once_known_is_not_found_again(arm):
     prepared = prepare(arm, _soft(arm))
-    assert _found(with_soft_friction(prepared, _found(prepared))) == {}
+    assert _found(with_friction_near_rest(prepared, _found(prepared))) == NearRest()
 
 
 def test_what_is_slower_than_the_form_is_sure_does_not_count(arm):
     prepared = prepare(arm, _soft(arm))
-    for before, run in zip(prepared.runs, with_soft_friction(prepared, {SHOULDER: WIDTH}).runs, strict=True):
+    for before, run in zip(
+        prepared.runs, with_friction_near_rest(prepared, NearRest({SHOULDER: WIDTH})).runs, strict=True
+    ):
         slow = np.abs(run.dq[:, SHOULDER]) <= GUESSED[0] * WIDTH
         assert not np.any(run.used[slow, SHOULDER])
         assert np.array_equal(run.used[:, 1:], before.used[:, 1:])

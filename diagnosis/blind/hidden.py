@@ -55,6 +55,7 @@ def floor(nominal: Robot, twin: Sequence[Recording]) -> Array:
         final_timing=float(fitted.values[count]),
         linearised=parameters,
         coulomb_smoothing=prepared.coulomb_smoothing,
+        coulomb_lead=prepared.coulomb_lead,
         body_rotation=logged.body_rotation,
         body_origin=logged.body_origin,
         terms=(),

@@ -81,13 +81,15 @@ def verdict(diagnosis: Diagnosis) -> str:
 
 
 def near_rest(diagnosis: Diagnosis) -> list[str]:
-    """The joints whose friction is soft near rest; nothing where none is."""
+    """Which joints' friction is soft near rest, and if all friction turns ahead; nothing where neither is."""
     names, width = diagnosis.robot.joint_names, diagnosis.prepared.coulomb_smoothing
     soft = [f"{names[joint]} {width[joint]:.2g}" for joint in np.flatnonzero(width).tolist()]
-    if not soft:
-        return []
     law = "Coulomb friction is soft near rest, fc tanh(v / w) with w in rad/s (m/s)"
-    return [f"{law}: {', '.join(soft)}."]
+    said = [f"{law}: {', '.join(soft)}."] if soft else []
+    if (lead := diagnosis.prepared.coulomb_lead) > 0:
+        ahead = f"All Coulomb friction changes sign {1e3 * lead:.1f} ms ahead of the joints"
+        said.append(f"{ahead}, as a soft constraint has it: these logs seem to be of MuJoCo's frictionloss.")
+    return said
 
 
 def recurrence(diagnosis: Diagnosis) -> list[str]:

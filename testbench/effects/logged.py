@@ -36,8 +36,8 @@ class Logged:
     reference_velocity, reference_acceleration: (N, n). body_rotation (3, 3), body_origin (3,) m: the last
     body's frame in the last link's (``body_in_link``), which the contract tells a payload in. carried:
     (N, n) N·m, torque of effects behind the gearboxes that are known already. beside: likewise of all others.
-    coulomb_smoothing: (n,) rad/s (m/s), w of Coulomb friction fc tanh(dq / w); 0 for fc sgn dq, as everywhere
-    where it is left out.
+    coulomb_smoothing, coulomb_lead: (n,) rad/s (m/s) and s, w and l of Coulomb friction fc tanh(u / w) with
+    u = dq + l ddq; fc sgn u for w = 0, as everywhere where it is left out.
     """
 
     chain: Chain
@@ -61,6 +61,7 @@ class Logged:
     carried: Array | None = None
     beside: Array | None = None
     coulomb_smoothing: Array | None = None
+    coulomb_lead: float = 0.0
 
     @property
     def samples(self) -> int:
@@ -84,11 +85,16 @@ class Logged:
     @cached_property
     def direction(self) -> Array:
         """Share of its Coulomb friction that each joint has, with the sign of its speed, (N, n)."""
-        sign = np.sign(self.dq)
+        sign = np.sign(self.turning)
         if self.coulomb_smoothing is not None:
             soft = np.flatnonzero(self.coulomb_smoothing)
-            sign[:, soft] = np.tanh(self.dq[:, soft] / self.coulomb_smoothing[soft])
+            sign[:, soft] = np.tanh(self.turning[:, soft] / self.coulomb_smoothing[soft])
         return sign
+
+    @property
+    def turning(self) -> Array:
+        """What Coulomb friction changes its sign with, (N, n) rad/s (m/s): the speed a little later."""
+        return self.dq + self.coulomb_lead * self.ddq
 
     @cached_property
     def friction(self) -> Array:
