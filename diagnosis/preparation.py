@@ -33,6 +33,9 @@ DEAD_ZONE = 0.02
 # The filter smears a wrong sign over half a cut-off period to either side.
 REACH_PERIODS = 0.5
 SMALLEST_RUN = 40
+# And it smears what was made up where samples are missing: between stamps this share of a cut-off period,
+# and so many steps, apart.
+LONGEST_STEP, STEPS = 0.15, 1.6
 # Where there are fewer runs, blocks of each stand in for them.
 FEWEST_FOLDS = 3
 
@@ -61,9 +64,12 @@ class Run:
     smear: NDArray[np.int64]
 
     def away_from(self, joint: int, speed: float) -> NDArray[np.bool_]:
-        """The samples (M,) that no speed of the joint up to this one, rad/s (m/s), is smeared into."""
-        slow = np.abs(self.logged.dq[:, joint]) <= speed
-        return ~maximum_filter1d(slow, int(self.smear[joint]))[self.kept]
+        """The samples (M,) not smeared with friction turning, at speeds up to this one, rad/s (m/s)."""
+        return self.apart_from(np.abs(self.logged.turning[:, joint]) <= speed, joint)
+
+    def apart_from(self, doubtful: NDArray[np.bool_], joint: int) -> NDArray[np.bool_]:
+        """The samples (M,) that a joint's filter smears none of these (N,) into."""
+        return ~maximum_filter1d(doubtful, int(self.smear[joint]))[self.kept]
 
     def filtered(self, columns: Array, joints: Sequence[int]) -> Array:
         """Columns (N, r, ...) of r joints at full rate, filtered and decimated like the torque."""
@@ -93,6 +99,11 @@ class Prepared:
         """(n,) rad/s (m/s), w of Coulomb friction fc tanh(v / w), alike in all runs; 0 for fc sgn v."""
         smoothing = self.runs[0].logged.coulomb_smoothing
         return np.zeros(self.joints) if smoothing is None else smoothing
+
+    @property
+    def coulomb_lead(self) -> float:
+        """Seconds by which Coulomb friction changes sign ahead of the joints, alike in all runs."""
+        return self.runs[0].logged.coulomb_lead
 
     @property
     def nominal(self) -> Array:
@@ -210,5 +221,15 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         used=np.ones((len(kept), robot.joints), bool),
         smear=2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1,
     )
-    used = [run.away_from(joint, DEAD_ZONE) for joint in range(robot.joints)]
+    made_up = _between(recording.time, logged.time, max(LONGEST_STEP / cutoff, STEPS / rate))
+    used = [run.away_from(j, DEAD_ZONE) & run.apart_from(made_up, j) for j in range(robot.joints)]
     return replace(run, used=np.column_stack(used))
+
+
+def _between(stamps: Array, time: Array, longest: float) -> NDArray[np.bool_]:
+    """The instants (N,) s that lie between stamps (S,) s further apart than the longest step, s."""
+    late = np.flatnonzero(np.diff(stamps) > longest)
+    found = np.zeros(len(time), bool)
+    for first, last in zip(stamps[late], stamps[late + 1], strict=True):
+        found |= (time > first) & (time < last)
+    return found

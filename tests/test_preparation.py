@@ -1,0 +1,39 @@
+"""Which samples of a log count."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.preparation import prepare
+from testbench.log import Recording
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+GAP = slice(3000, 3060)
+
+
+def _without(run: Recording, missing: slice) -> Recording:
+    """The log with some samples lost."""
+    kept = np.delete(np.arange(len(run.time)), missing)
+    channels = {
+        name: None if values is None else values[kept]
+        for name in ("velocity", "temperature", "torque_command", "reference_position")
+        for values in [getattr(run, name)]
+    }
+    channels |= {"reference_velocity": None, "reference_acceleration": None}
+    return replace(run, time=run.time[kept], position=run.position[kept], torque=run.torque[kept], **channels)
+
+
+@pytest.mark.parametrize(("missing", "counts"), [(GAP, False), (slice(3000, 3003), True)])
+def test_what_is_made_up_where_samples_are_missing_does_not_count(tmp_path, missing, counts):
+    arm = small_arm(tmp_path)
+    (log,) = simulated_runs(arm, [], runs=1).values()
+    whole, short = (prepare(arm, {"run": each}).runs[0] for each in (log, _without(log, missing)))
+    inside = (whole.kept >= missing.start - 10) & (whole.kept < missing.stop + 10)
+    assert whole.used[inside].any()
+    assert short.used[inside].any() == counts
+    # What is far from it counts as before.
+    away = np.abs(whole.kept - missing.start) > 200
+    assert np.mean(short.used[away] == whole.used[away]) > 0.99
