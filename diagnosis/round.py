@@ -104,8 +104,8 @@ class Search:
             if pushed is not None and _is_likelier_there(pushed.best, clipped):
                 return pushed
             return Found(clipped, (), stage.with_effects([clipped.candidate]))
-        if material:
-            return Found(*choose(stage, material, weighed))
+        if material and (chosen := choose(stage, material, weighed)) is not None:
+            return Found(*chosen)
         if pushed is not None:
             return pushed
         if unclaimed(self.first, stage, free):
@@ -131,7 +131,10 @@ class Search:
         ]
         if not traces:
             return None
-        best, rivals, _ = choose(after, traces, traces)
+        chosen = choose(after, traces, traces)
+        if chosen is None:
+            return None
+        best, rivals, _ = chosen
         return Found(best, rivals, stage.with_effects([best.candidate]), is_trace=True)
 
 

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from .candidates import candidate
-from .evidence import Design, Fit
+from .delay import likeliest_delay
+from .evidence import DELAY, Design, Fit
 from .likelihood import Weighed, gained, log_likelihood, odds
 from .preparation import Prepared
 from .weighing import Bank, Stage
@@ -23,8 +24,10 @@ STEP = 0.12
 
 def choose(
     stage: Stage, material: Sequence[Weighed], open_: Sequence[Weighed]
-) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]]:
+) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
     """The shortlist refined and compared by one set of weights: the best, fitted in full, and its rivals.
+
+    None where the hypothesis is no likelier with any of it, fitted in full.
 
     A rival is what has little left to explain once the best is in; anything else is another effect. material,
     open_: best first; of the second, what fits a listed effect's joint best is listed too.
@@ -39,6 +42,8 @@ def choose(
         for weighed in shortlist
     ]
     first = int(np.argmax(likelihoods))
+    if likelihoods[first] <= log_likelihood(stage.hypothesis, stage.fitted):
+        return None
     trial = stage.with_effects([shortlist[first].candidate])
     after = Stage(stage.ground, *trial)
     left = after.gains(Bank(stage.ground, [w.candidate for w in shortlist]))
@@ -70,6 +75,11 @@ def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:
     upper = np.array([family.refine[name][1] for name in names])
     span = np.where(upper > lower, upper - lower, 1.0)
     member = family.member
+    if family.effect == DELAY:
+        # Beside the log's timing any size seems to do; its column is exact at its own alone.
+        delay, _ = likeliest_delay(stage.hypothesis, stage.fitted)
+        gain = stage.gain(candidate(prepared, family, member({"difference": delay})))
+        return weighed if gain is None else Weighed(gain, gained(stage, gain))
     best = weighed
 
     def negative(u: Array) -> float:
