@@ -28,6 +28,8 @@ BURST_TORQUE = 0.01
 FORETOLD = 0.25
 # And share that one fits of it, though it does not foretell it: runs may reach different places.
 FITTED = 0.5
+# s: what is shorter, the filter does not resolve: a shock of the reference, a sample that went astray.
+SHORTEST = 0.15
 # Log-likelihood that a push must add beyond the price of its coefficients.
 SMALLEST_GAIN = 7.5
 # So many links from the last one on whose joint is seen to be loaded are considered.
@@ -106,8 +108,9 @@ def _of_each_load(stage: Stage, bank: Bank) -> list[Gain]:
 def _with_bursts(
     stage: Stage, index: int, events: list[tuple[int, int]], blocks: Collection[tuple[int, int]]
 ) -> list[tuple[int, int]]:
-    """The windows of a run that hold a block of a burst."""
-    kept = stage.prepared.runs[index].kept
+    """The windows of a run, long enough to be a push, that hold a block of a burst."""
+    kept, rate = stage.prepared.runs[index].kept, stage.prepared.runs[index].logged.sample_rate
+    events = [(first, last) for first, last in events if last - first > SHORTEST * rate]
     spans = [(kept[block], kept[block + BURST - 1]) for run, block in blocks if run == index]
     return [event for event in events if any(a < event[1] and event[0] <= b for a, b in spans)]
 

@@ -26,6 +26,8 @@ LARGEST, BEYOND = 8, 0.02
 # A smooth peak has 2.4 times as many samples within its top as in what is as wide below it, and a plateau of
 # a slow sweep or of a constant acceleration may have any.
 FLAT, FEWEST, TIMES = 6.0, 15, 3
+# This share of what is short of its command is at the level.
+MOSTLY = 0.8
 # Seconds between one time at the limit and the next.
 APART = 0.05
 # A limit that the model has is no gap.
@@ -34,7 +36,7 @@ OF_LIMIT = 0.97
 
 @dataclass(frozen=True)
 class _Top:
-    """Where a joint's torque is highest. level, width: N·m. inside: a run's samples (N,)."""
+    """Where a joint's torque is highest. level, width: N·m. inside: a flat run's samples (N,)."""
 
     level: float
     width: float
@@ -49,11 +51,34 @@ def flat_tops(prepared: Prepared, known: Sequence[int | None]) -> list[Candidate
 
 
 def _limit(runs: Sequence[Logged], joint: int) -> float | None:
-    """N·m, or None where the torque's top is not flat."""
-    top = _top([run.tau[:, joint] for run in runs])
-    if top is None or top.level > OF_LIMIT * runs[0].limits.torque[joint]:
+    """N·m, or None where nothing is cut off, or by a limit that the model has."""
+    commands = [run.torque_command for run in runs if run.torque_command is not None]
+    if len(commands) == len(runs):
+        level = _cut_off([r.tau[:, joint] for r in runs], [each[:, joint] for each in commands])
+    else:
+        top = _top([run.tau[:, joint] for run in runs])
+        level = top.level if top is not None and _is_held_back(runs, joint, top) else None
+    return level if level is not None and level <= OF_LIMIT * runs[0].limits.torque[joint] else None
+
+
+def _cut_off(torque: Sequence[Array], command: Sequence[Array]) -> float | None:
+    """The level that torque stays at wherever far more was asked for; None where there is none."""
+    size = np.abs(np.concatenate(torque))
+    asked = np.sign(np.concatenate(torque)) * np.concatenate(command)
+    width = max(DEVIATIONS * _noise(torque), SMALLEST_WIDTH * float(size.max()))
+    short = asked - size > TIMES * width
+    if np.sum(short) < FEWEST:
         return None
-    return top.level if _is_held_back(runs, joint, top) else None
+    level = float(np.median(size[short]))
+    at_level = np.mean(np.abs(size[short] - level) <= width)
+    beyond = np.sum(size > level + width)
+    return level if at_level > MOSTLY and beyond <= BEYOND * np.sum(short) else None
+
+
+def _noise(torque: Sequence[Array]) -> float:
+    """Its standard deviation, N·m: the median of second differences leaves out steps."""
+    differences = np.concatenate([np.diff(each, 2) for each in torque])
+    return float(np.median(np.abs(differences)) / 0.6745 / np.sqrt(6))
 
 
 def _top(torque: Sequence[Array]) -> _Top | None:
@@ -62,18 +87,17 @@ def _top(torque: Sequence[Array]) -> _Top | None:
     pooled = np.sort(np.concatenate(size))
     if len(pooled) < FEWEST or pooled[-1] == 0:
         return None
-    # The median of second differences leaves out steps; the torque itself is smooth.
-    noise = np.median(np.abs(np.concatenate([np.diff(each, 2) for each in torque]))) / 0.6745 / np.sqrt(6)
     highest = float(pooled[-LARGEST])
-    width = float(max(DEVIATIONS * noise, SMALLEST_WIDTH * highest))
+    width = max(DEVIATIONS * _noise(torque), SMALLEST_WIDTH * highest)
     level = float(np.median(pooled[np.abs(pooled - highest) < 2 * width]))
     inside = [np.abs(each - level) <= width for each in size]
     below = [np.abs(each - level + 2 * width) < width for each in size]
-    flat = any(i.sum() >= FEWEST and i.sum() > FLAT * b.sum() for i, b in zip(inside, below, strict=True))
+    flat = [i.sum() >= FEWEST and i.sum() > FLAT * b.sum() for i, b in zip(inside, below, strict=True)]
     beyond = float(np.sum(pooled > level + width))
-    if not flat or beyond > BEYOND * sum(float(i.sum()) for i in inside):
+    if not any(flat) or beyond > BEYOND * sum(float(i.sum()) for i in inside):
         return None
-    return _Top(level, width, inside)
+    # What only passes the level, or rests there once, is none of it.
+    return _Top(level, width, [i & is_flat for i, is_flat in zip(inside, flat, strict=True)])
 
 
 def _bouts(time: Array) -> int:
@@ -82,12 +106,8 @@ def _bouts(time: Array) -> int:
 
 
 def _is_held_back(runs: Sequence[Logged], joint: int, top: _Top) -> bool:
-    """Whether more was asked for; where no command was logged, whether what else changes never shows."""
+    """Whether what else changes never shows there, time and again."""
     sign = [np.sign(run.tau[inside, joint]) for run, inside in zip(runs, top.inside, strict=True)]
-    commands = [run.torque_command for run in runs if run.torque_command is not None]
-    if len(commands) == len(runs):
-        asked = [s * each[i, joint] for s, each, i in zip(sign, commands, top.inside, strict=True)]
-        return bool(np.mean(np.concatenate(asked)) > top.level + top.width)
     bouts = sum(_bouts(run.time[inside]) for run, inside in zip(runs, top.inside, strict=True))
     if bouts < TIMES:
         return False

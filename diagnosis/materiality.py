@@ -107,6 +107,8 @@ LARGEST: Mapping[str, float] = {
     "cable_spring": 10.0,
     "gravity_spring": 10.0,
 }
+# Springs that hold this share of what the drive can, a radian or a metre from rest, are met on any arm.
+SPRINGS, HELD = ("cable_spring", "gravity_spring"), 0.2
 # And of a law beside an effect's first.
 LARGEST_BY_LAW = 3.0
 # N·m are judged against this share of the joint's torque, at least.
@@ -264,6 +266,8 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
         parameter = effect(family.effect).DESCRIPTION.parameters[0]
         mild, severe = typical_range(parameter, robot, family.joint)
         amount = _number(values[parameter.name])
+        if family.effect in SPRINGS and amount <= HELD * scale_of("torque_limit", robot, family.joint):
+            return True
         return amount <= largest * severe if severe >= mild else amount >= severe / largest
     return True
 

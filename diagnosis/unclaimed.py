@@ -35,6 +35,8 @@ SPRINGS = {"gravity_spring", "cable_spring"}
 STRUCTURE, SLOW = 0.04, 0.5
 # Or is not noise because some part of the motion has so many times its share of it.
 DENSE = 2.0
+# What all runs together fit, but for this share of it, each of them was extrapolated to.
+FITTED_LEFT = 0.3
 # A period counts from so many times the share that chance gives one.
 MORE_THAN_CHANCE = 2.0
 WORSE = 0.1
@@ -149,7 +151,8 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     # What is worse than without any effect says nothing of the robot.
     stands_out &= (left > most) & (left < 1 + WORSE)
     structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & (left < 1 + WORSE)
-    for joint in np.flatnonzero(unfit | stands_out | structured).tolist():
+    fits = squares(last.fitted.residual) < FITTED_LEFT**2 * last.held_squares
+    for joint in np.flatnonzero((unfit | stands_out | structured) & ~fits).tolist():
         slow = _slow(last, joint)
         is_large = unfit[joint] and noise[joint] > MISFIT_NOISE
         is_structure = structured[joint] and relative[joint] ** 2 * slow > STRUCTURE**2

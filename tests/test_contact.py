@@ -5,11 +5,12 @@ from dataclasses import replace
 import pytest
 
 from diagnosis.attribution import attribute
-from diagnosis.contact import explains_all_bursts
+from diagnosis.contact import contact, explains_all_bursts
 from diagnosis.evidence import fitted_to
+from diagnosis.generic import generic_candidates
 from diagnosis.ground import ground
 from diagnosis.preparation import prepare
-from diagnosis.weighing import Stage
+from diagnosis.weighing import Bank, Stage
 from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs
@@ -38,3 +39,14 @@ def test_it_is_taken_in_before_what_would_imitate_it(pushed):
     first, *others = attribute(pushed).accepted
     assert first.candidate.is_event
     assert not any(each.named for each in others)
+
+
+def test_a_shock_that_the_filter_does_not_resolve_is_no_push(tmp_path):
+    arm = small_arm(tmp_path)
+    runs = simulated_runs(arm, [], runs=3)
+    torque = runs["run_2"].torque.copy()
+    torque[2000:2030, 1] += 12.0
+    runs["run_2"] = replace(runs["run_2"], torque=torque)
+    prepared = prepare(arm, runs)
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    assert contact(stage, Bank(stage.ground, generic_candidates(prepared))) is None

@@ -9,6 +9,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.flat_top import flat_tops
 from diagnosis.preparation import prepare
 from diagnosis.report.signature import signature
+from identification.filtering import zero_phase_lowpass
 from identification.inverse_dynamics import inverse_dynamics
 from testbench.effects import parse_injection
 from testbench.log import Recording
@@ -96,3 +97,31 @@ def test_friction_of_a_steady_sweep_is_no_limit(arm):
 
 def test_healthy_drives_have_none(arm):
     assert flat_tops(prepare(arm, simulated_runs(arm, [], runs=3)), []) == []
+
+
+def test_a_pose_that_is_held_once_is_no_limit(arm):
+    """One run rests where gravity is largest, the others pass as much torque on their way."""
+    rng, runs = np.random.default_rng(5), simulated_runs(arm, [], runs=3)
+    smooth = {name: zero_phase_lowpass(run.torque, run.sample_rate, 8.0) for name, run in runs.items()}
+    highest = max(float(np.abs(torque[:, 1]).max()) for torque in smooth.values())
+    for name, run in runs.items():
+        torque = smooth[name] + rng.normal(0, 0.01, run.torque.shape)
+        there = slice(1000, 2500) if name == "run_1" else [1200, 2400, 3600]
+        torque[there, 1] = highest
+        runs[name] = replace(run, torque=torque, torque_command=None)
+    assert flat_tops(prepare(arm, runs), []) == []
+
+
+def test_a_limit_shows_by_its_command_where_the_torque_rises_to_it_slowly(arm, limit):
+    """Nearly as many samples just below the limit as at it: no flat top, but far more was asked for there."""
+    runs = _delivered(arm, limit, True)
+    for name, run in runs.items():
+        assert run.torque_command is not None
+        asked = np.abs(run.torque_command[:, 1])
+        below = np.flatnonzero(asked < 0.9 * limit)[:150]
+        torque, command = run.torque.copy(), run.torque_command.copy()
+        torque[below, 1] = command[below, 1] = 0.985 * limit
+        runs[name] = replace(run, torque=torque, torque_command=command)
+    (found,) = flat_tops(prepare(arm, runs), [])
+    assert found.member.shape["limit"] == pytest.approx(limit, rel=0.002)
+    assert flat_tops(prepare(arm, {n: replace(r, torque_command=None) for n, r in runs.items()}), []) == []

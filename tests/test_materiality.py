@@ -24,7 +24,7 @@ from testbench.effects import parse_injection
 from testbench.effects.size import scale_of
 
 from .diagnosed import simulated_runs
-from .small_arm import small_arm
+from .small_arm import ARM, small_arm
 
 
 @pytest.mark.parametrize(("share", "is_named"), [(0.4, False), (1.0, True)])
@@ -47,6 +47,15 @@ def test_a_gas_spring_stronger_than_any_counterbalance_is_another_law(tmp_path, 
     gas = next(c for c in candidates(prepared, only=["gravity_spring"]) if c.member.law == "gas_spring")
     stiffness = share * scale_of("gravity", arm, gas.family.joint)
     assert is_plausible(arm, gas, np.array([stiffness])) == is_met
+
+
+@pytest.mark.parametrize(("share", "is_met"), [(0.15, True), (2.0, False)])
+def test_a_cable_may_be_stiff_for_a_joint_of_little_friction(tmp_path, share, is_met):
+    arm = small_arm(tmp_path, ARM.replace('frictionloss="2"', 'frictionloss="0.02"'))
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 0)
+    stiffness = share * scale_of("torque_limit", arm, 0)
+    assert is_plausible(arm, cable, np.array([stiffness, 0.0])) == is_met
 
 
 def _weighed(arm, text, shape):

@@ -1,7 +1,10 @@
 """What no effect explains, where no function of the motion does either."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from diagnosis.evidence import fitted_to
 from diagnosis.generic import generic_candidates
@@ -9,10 +12,21 @@ from diagnosis.ground import ground
 from diagnosis.preparation import prepare
 from diagnosis.unclaimed import NOTHING, unclaimed
 from diagnosis.weighing import Bank, Stage
+from identification.parameters import ARMATURE
 from testbench.effects import parse_injection
+from testbench.effects.logged import logged_run
 
 from .diagnosed import simulated_runs
 from .small_arm import small_arm
+
+SLOWER = 20
+NOT_READ = (
+    "torque_command",
+    "reference_position",
+    "reference_velocity",
+    "reference_acceleration",
+    "velocity",
+)
 
 
 def _unclaimed(arm, runs):
@@ -35,4 +49,25 @@ def test_noise_is_nothing_however_large(tmp_path):
     arm = small_arm(tmp_path)
     found, left = _unclaimed(arm, simulated_runs(arm, [], runs=3, noise=6.0))
     assert left.max() > 0.05
+    assert found == ()
+
+
+def test_a_run_that_parameters_are_extrapolated_to_is_not_unknown(tmp_path):
+    """One run alone is fast: without it nothing tells the inertia, which the model has wrong."""
+    arm = small_arm(tmp_path)
+    heavier = arm.parameters.copy().reshape(arm.joints, -1)
+    heavier[:, ARMATURE] += 1.0
+    fast, *others = simulated_runs(arm, [], runs=3, noise=0.05).values()
+    slow = []
+    for run in others:
+        position = CubicSpline(SLOWER * run.time[::20], run.position[::20])(run.time)
+        slow.append(replace(run, position=position))
+    runs = {}
+    for index, run in enumerate([fast, *slow]):
+        plain = replace(run, **dict.fromkeys(NOT_READ))
+        along = logged_run(arm, plain, heavier.ravel(), 40.0)
+        rng = np.random.default_rng(index)
+        runs[f"run_{index}"] = replace(plain, torque=along.predicted + rng.normal(0, 0.05, along.q.shape))
+    found, left = _unclaimed(arm, runs)
+    assert left.max() > 0.1
     assert found == ()

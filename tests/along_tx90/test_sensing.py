@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 from identification.errors import InputError
-from identification.excitation.fourier import FourierSeries
 from testbench.effects import effect, injection
-from testbench.effects.base import Injection
-from testbench.robot import Robot, load_robot
-from testbench.simulation import SimulationOptions, sample_reference, simulate
+from testbench.effects.signature import places
+from testbench.robot import load_robot
 
-from .moving_tx90 import RATE, explained, fitted, torque
+from .moving_tx90 import explained, fitted, torque
 
 INJECTED = {
     "offset": ("encoder_offset", 3, {"offset": 0.02}, None),
@@ -31,17 +29,12 @@ def test_the_encoder_reads_the_true_angle_and_its_error(recordings):
     assert not np.delete(error, 3, axis=1).any()
 
 
-def test_eccentricity_is_refused_on_a_slide_joint(models):
+@pytest.mark.parametrize("name", ["encoder_eccentricity", "gravity_spring"])
+def test_laws_of_an_angle_are_refused_on_a_slide_joint_and_not_sought_there(models, name):
     rail = load_robot(models / "rail_arm.xml")
-    run = simulate_one(rail, injection(rail, "encoder_eccentricity", 1, {"amplitude": 0.01}))
-    with pytest.raises(InputError, match="revolutions"):
-        run()
-
-
-def simulate_one(robot: Robot, each: Injection):
-    still = np.zeros((3, robot.joints))
-    reference = sample_reference(FourierSeries(1.0, still[0], still[:2].T, still[:2].T), RATE)
-    return lambda: simulate(robot, [reference], SimulationOptions(effects=(each,)))
+    with pytest.raises(InputError, match="a hinge, got the slide"):
+        injection(rail, name, 1)
+    assert 0 not in [joint for joint, _ in places(effect(name).DESCRIPTION, rail.chain.is_slide)]
 
 
 # Signatures along exact motions
