@@ -96,7 +96,7 @@ def candidates(
         (effect, joint, into)
         for name, effect in effects().items()
         if name not in without and (only is None or name in only)
-        for joint, into in places(effect.DESCRIPTION, prepared.joints)
+        for joint, into in places(effect.DESCRIPTION, prepared.robot.chain.is_slide)
     ]
     return in_parallel(prepared, [partial(effect.signature, logged, j, k) for effect, j, k in wanted])
 

@@ -39,8 +39,6 @@ FLATTENING, BENDING, BENT = (0.3, 0.7), (1.8, 2.2), (0.1, 0.4)
 CLIPPED = (0.005, 0.08)
 # A payload is typical of an arm whose links weigh this much, kg; its centre lies this far out, m.
 PAYLOAD_ARM, PAYLOAD_REACH = 60.0, (0.03, 0.12)
-# Angles mean nothing along a slide.
-HINGE_ONLY = ("gravity_spring", "encoder_eccentricity")
 # A typical size below this share of the joint's torque limit is none.
 SMALLEST_SHARE = 1e-4
 
@@ -48,7 +46,7 @@ SMALLEST_SHARE = 1e-4
 def drawn_place(name: str, robot: Robot, rng: np.random.Generator) -> tuple[int | None, int | None] | None:
     """Where the effect is put: (joint, into), None as in the catalogue; None where the robot has no place."""
     description = effect(name).DESCRIPTION
-    possible = places(description, robot.joints)
+    possible = places(description, robot.chain.is_slide)
     if description.scope is Scope.PAIR:
         # Shared drives are those of neighbours.
         possible = tuple((a, b) for a, b in possible if a is not None and b == a + 1)
@@ -58,8 +56,6 @@ def drawn_place(name: str, robot: Robot, rng: np.random.Generator) -> tuple[int 
 
 def _acts(name: str, robot: Robot, joint: int) -> bool:
     """Whether the effect's first parameter has a typical size on that joint."""
-    if name in HINGE_ONLY and robot.chain.is_slide[joint]:
-        return False
     first: EffectParameter = effect(name).DESCRIPTION.parameters[0]
     if not first.relative_to:
         return True

@@ -73,6 +73,11 @@ def injection(
         _require(name, "joint", "none, it acts on the whole robot", joint, joint is None and into is None)
     else:
         _require(name, "joint", "a joint", joint, first is not None, robot.joint_names)
+        if description.hinges_only and first is not None and robot.chain.is_slide[first]:
+            hinges = [
+                each for each, slide in zip(robot.joint_names, robot.chain.is_slide, strict=True) if not slide
+            ]
+            _require(name, "joint", "a hinge", f"the slide {robot.joint_names[first]}", False, hinges)
     if description.scope is Scope.PAIR:
         _require(name, "into", "another joint", into, second not in (None, first), robot.joint_names)
     else:

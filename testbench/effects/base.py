@@ -36,7 +36,7 @@ class EffectDescription:
     name: of the contract. title: for people. law: the formula. reference: where it comes from.
     scope: where it acts. parameters: in the order of the contract. laws: the variants simulation
     offers, the default first. confused_with: names of effects that look alike. loads: it acts behind the
-    gearboxes, which carry its torque.
+    gearboxes, which carry its torque. hinges_only: its law is of an angle.
     """
 
     name: str
@@ -48,6 +48,7 @@ class EffectDescription:
     laws: tuple[str, ...] = ("default",)
     confused_with: tuple[str, ...] = ()
     loads: bool = False
+    hinges_only: bool = False
 
 
 @dataclass(frozen=True)

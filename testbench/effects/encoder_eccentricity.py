@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import InputError
 from identification.parameters import ARMATURE, VISCOUS
 
 from ..robot import Robot
@@ -41,16 +40,14 @@ DESCRIPTION = EffectDescription(
     laws=("once_per_turn", "two_harmonics"),
     confused_with=("joint_elasticity", "transmission_ripple"),
     loads=True,
+    hinges_only=True,
 )
 SECOND_HARMONIC = 0.25
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
-    """The reading plus its error. Raises InputError on a slide joint."""
+    """The reading plus its error."""
     joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
-    if simulated.robot.chain.is_slide[joint]:
-        name = simulated.robot.joint_names[joint]
-        raise InputError("effects", DESCRIPTION.name, "a hinge, which has revolutions", f"slide joint {name}")
     second = SECOND_HARMONIC if injection.law == "two_harmonics" else 0.0
     values = (injection.values["amplitude"], injection.values["phase"], second)
     return Action((hook(Stage.ENCODER, _eccentricity, joint, values),))
@@ -67,8 +64,6 @@ def _eccentricity(bus: int, parameters: int, state: int, joint: int) -> None:
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """tau along measured - a cos q - b sin q and its derivatives, to first order, at all joints."""
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    if runs[0].chain.is_slide[joint]:
-        return Family(DESCRIPTION.name, joint, (), _parameters)
     largest = DESCRIPTION.parameters[0].upper
     member = Member(
         shape={},

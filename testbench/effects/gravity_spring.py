@@ -50,6 +50,7 @@ DESCRIPTION = EffectDescription(
     laws=("sine", "gas_spring"),
     confused_with=("cable_spring", "payload", "encoder_offset", "base_tilt"),
     loads=True,
+    hinges_only=True,
 )
 
 SINE, GAS_SPRING = DESCRIPTION.laws

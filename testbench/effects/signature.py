@@ -173,10 +173,13 @@ def amplitude_and_phase(cosine: float, sine: float, covariance: Array) -> tuple[
     )
 
 
-def places(description: EffectDescription, joints: int) -> tuple[tuple[int | None, int | None], ...]:
-    """Where an effect may be on an arm of n joints: (joint, into) as ``signature`` takes them."""
+def places(
+    description: EffectDescription, is_slide: NDArray[np.bool_]
+) -> tuple[tuple[int | None, int | None], ...]:
+    """Where an effect may be on an arm with these joints (n,): (joint, into) as ``signature`` takes them."""
+    joints = len(is_slide)
     if description.scope is Scope.ROBOT:
         return ((None, None),)
     if description.scope is Scope.JOINT:
-        return tuple((joint, None) for joint in range(joints))
+        return tuple((j, None) for j in range(joints) if not (description.hinges_only and is_slide[j]))
     return tuple((first, second) for first in range(joints) for second in range(first + 1, joints))
