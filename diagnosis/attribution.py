@@ -18,6 +18,7 @@ from .accepted import Accepted, laws_of_position
 from .candidates import EVENT, SATURATION, Candidate, candidates
 from .evidence import Design, Fit, fitted_to, standard_values
 from .flat_top import flat_tops
+from .folds import covered
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
@@ -64,7 +65,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     """
     # What depends on the logs alone stays when all is begun again.
     limits, motions = cuts(prepared), generic_candidates(prepared)
-    known = NearRest()
+    prepared, known = covered(prepared), NearRest()
     while True:
         begun = first_linearised(with_friction_near_rest(prepared, known))
         grown = _grown(begun, limits, motions, without)

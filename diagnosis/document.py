@@ -111,6 +111,7 @@ def diagnosis_document(
         "next_experiment": None if next_experiment is None else _experiment(next_experiment),
         "not_in_mjcf": list(not_in_mjcf),
         "notes": list(diagnosis.notes),
+        "untold": [names[joint] for joint in diagnosis.untold],
         "correction": correction_document(corrected_model(diagnosis)),
     }
 

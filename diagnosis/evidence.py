@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 # Independent samples per decimated one: the widest low-pass leaves about a quarter of the decimated band to
 # noise, and what is left beside noise is coloured too.
 INDEPENDENT = 0.25
+# So many of them, three seconds of motion, tell little more than a joint's own parameters.
+FEWEST_INDEPENDENT = 80.0
 RIDGE = 1e-12
 RIDGES = (RIDGE, 1e-9, 1e-6)
 WEIGHT_PASSES = 3
@@ -74,6 +76,11 @@ class Design:
     def independent(self) -> Array:
         """How many independent samples that is, (n,)."""
         return INDEPENDENT * self.prepared.band * self.counts
+
+    @property
+    def is_told(self) -> NDArray[np.bool_]:
+        """Whether enough of these runs tells of each joint for anything there to have a name, (n,)."""
+        return self.independent >= FEWEST_INDEPENDENT
 
     @property
     def parts(self) -> tuple[slice, ...]:

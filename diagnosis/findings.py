@@ -151,3 +151,8 @@ class Diagnosis:
     not_observable: tuple[tuple[str, int | None], ...] = ()
     notes: tuple[str, ...] = field(default_factory=tuple)
     recurrence: Recurrence | None = None
+
+    @property
+    def untold(self) -> tuple[int, ...]:
+        """The joints of which these runs tell too little for anything there to have a name."""
+        return tuple(np.flatnonzero(~self.final[0].is_told).tolist())

@@ -97,6 +97,8 @@ OBVIOUS = ((0.04, 0.5), (0.025, 0.8))
 BRISTLES, SMALLEST_LEVEL = "presliding_hysteresis", 0.55
 # Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
 LARGEST: Mapping[str, float] = {
+    # Where no slow sample counts, any Stribeck friction seems to leave a little.
+    "stribeck_friction": 5.0,
     "presliding_hysteresis": 3.0,
     "joint_elasticity": 3.0,
     "encoder_offset": 3.0,

@@ -48,6 +48,7 @@ def accepted_as(
     somewhere = {a.candidate.family.joint for a in before if a.named and not a.candidate.is_event}
     main = is_main(sized, apart, stage, best, somewhere, rest)
     certain = found.is_certain(stage)
+    told = bool(np.any(stage.hypothesis.is_told[list(best.candidate.member.rows)]))
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(
         candidate=best.candidate,
@@ -56,7 +57,7 @@ def accepted_as(
         score=best.score,
         share=float(stage.shares(best.gain).max()),
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
-        named=beyond and main and certain,
+        named=beyond and main and certain and told,
         is_certain=certain,
         is_trace=found.is_trace,
     )

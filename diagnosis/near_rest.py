@@ -6,8 +6,8 @@ like friction that bends at any speed. Where the smooth form explains more than 
 is the joint's Coulomb friction.
 
 And a simulator whose friction is a soft constraint, as MuJoCo's frictionloss, turns it when v + l a changes
-sign: l = time constant x impedance / 2 ahead of the joint, 9.5 ms unless told otherwise. No hardware does so;
-it is told from all joints together.
+sign: l = time constant x impedance / 2 ahead of the joint, 9.5 ms unless told otherwise. It is told from all
+joints together.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -43,9 +43,10 @@ MORE = 1.3
 # And the share of the joint's samples that must be left.
 FEWEST = 0.25
 # s: leads l that are tried, how far apart they are, and the widths that each is tried with.
-LEADS, LEADS_APART, LEADING_WIDTHS = (0.0024, 0.0038, 0.006, 0.0095, 0.015), 1.6, (0.0, 0.012)
-# Of so many joints, where there are as many: it is the simulator's, not a joint's.
-LEADING = 2
+LEADS, LEADS_APART, LEADING_WIDTHS = (0.0045, 0.0065, 0.0095, 0.014), 1.45, (0.0, 0.012)
+# Of so many joints, where there are as many: it is the simulator's, not a joint's. And this share of Coulomb
+# friction: where a joint sticks at each reversal, half of it seems to turn early.
+LEADING, SMALLEST_LEADING = 2, 0.6
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> fl
     for each, gain in zip(ahead.candidates, stage.gains(ahead), strict=True):
         joint, shape = each.family.joint, each.member.shape
         assert joint is not None
-        if gain is None or gain.coefficients[0] < SMALLEST_MISSING * coulomb[joint]:
+        if gain is None or gain.coefficients[0] < SMALLEST_LEADING * coulomb[joint]:
             continue
         place = LEADS.index(shape["lead"]), joint
         if (score := gained(stage, gain)) > explained[place]:

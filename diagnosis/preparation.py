@@ -130,7 +130,10 @@ def filter_cutoff(sample_rate: float) -> float:
 
 
 def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
-    """Filter every run and write its equations. Raises InputError for runs that are too short."""
+    """Filter every run and write its equations.
+
+    Raises InputError for runs that are too short, or all at rest.
+    """
     if not recordings:
         raise InputError("diagnose", "logs", "at least one", 0)
     thin = {name: thinned(recording) for name, recording in recordings.items()}
@@ -138,12 +141,16 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     widest = max(filter_cutoff(each.sample_rate) for each in motions.values())
     bands = joint_bands(robot, list(motions.values()), widest)
     runs = tuple(_run(robot, name, thin[name], motions[name], bands) for name in thin)
+    if not any(run.used.any() for run in runs):
+        expected = f"some joint faster than {DEAD_ZONE} rad/s (m/s): these logs cannot tell"
+        raise InputError("logs", "joint/position", expected, "all at rest, or too short a move")
     each = -(-FEWEST_FOLDS // len(runs))
-    folds = tuple((index, part) for index, run in enumerate(runs) for part in _blocks(len(run.time), each))
+    folds = tuple((index, part) for index, run in enumerate(runs) for part in blocks(len(run.time), each))
     return Prepared(robot, runs, bands / widest, folds)
 
 
-def _blocks(samples: int, count: int) -> list[slice]:
+def blocks(samples: int, count: int) -> list[slice]:
+    """So many parts of a run, of equal length."""
     edges = np.linspace(0, samples, count + 1).astype(int).tolist()
     return [slice(*pair) for pair in itertools.pairwise(edges)]
 

@@ -104,7 +104,7 @@ class Search:
             if pushed is not None and _is_likelier_there(pushed.best, clipped):
                 return pushed
             return Found(clipped, (), stage.with_effects([clipped.candidate]))
-        if material and (chosen := choose(stage, material, weighed)) is not None:
+        if material and (chosen := choose(self.sized, stage, material, weighed)) is not None:
             return Found(*chosen)
         if pushed is not None:
             return pushed
@@ -131,7 +131,7 @@ class Search:
         ]
         if not traces:
             return None
-        chosen = choose(after, traces, traces)
+        chosen = choose(self.sized, after, traces, traces)
         if chosen is None:
             return None
         best, rivals, _ = chosen

@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from testbench.robot import Robot
+
 from .candidates import candidate
 from .delay import likeliest_delay
 from .evidence import DELAY, Design, Fit
 from .likelihood import Weighed, gained, log_likelihood, odds
-from .preparation import Prepared
+from .materiality import is_plausible
 from .weighing import Bank, Stage
 
 Array = NDArray[np.float64]
@@ -23,19 +25,19 @@ STEP = 0.12
 
 
 def choose(
-    stage: Stage, material: Sequence[Weighed], open_: Sequence[Weighed]
+    robot: Robot, stage: Stage, material: Sequence[Weighed], open_: Sequence[Weighed]
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
     """The shortlist refined and compared by one set of weights: the best, fitted in full, and its rivals.
 
     None where the hypothesis is no likelier with any of it, fitted in full.
 
-    A rival is what has little left to explain once the best is in; anything else is another effect. material,
-    open_: best first; of the second, what fits a listed effect's joint best is listed too.
+    A rival is what has little left to explain once the best is in; anything else is another effect. robot:
+    that sizes are relative to. material, open_: best first; of the second, what fits a listed effect's joint
+    best is listed too.
     """
-    prepared = stage.prepared
     likeliest = material[:SHORTLIST]
     listed = [*likeliest, *(_best_fit(each, open_) for each in likeliest)]
-    shortlist = [_refined(prepared, stage, w) for w in {w.candidate.place: w for w in listed}.values()]
+    shortlist = [_refined(robot, stage, w) for w in {w.candidate.place: w for w in listed}.values()]
     # Of many shapes one is the likelier to fit by chance.
     likelihoods = [
         log_likelihood(*stage.compared(weighed.candidate)) - float(np.log(weighed.candidate.shapes))
@@ -65,9 +67,9 @@ def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> Weighed:
     return max(own, key=lambda w: w.gain.objective, default=likely)
 
 
-def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:
-    """The family's best member at any shape near the best of its grid."""
-    family = weighed.candidate.family
+def _refined(robot: Robot, stage: Stage, weighed: Weighed) -> Weighed:
+    """The family's best member at any shape near the best of its grid, if it is one that is met."""
+    prepared, family = stage.prepared, weighed.candidate.family
     if family.member is None or not weighed.candidate.member.shape:
         return weighed
     names = list(family.refine)
@@ -92,7 +94,7 @@ def _refined(prepared: Prepared, stage: Stage, weighed: Weighed) -> Weighed:
         if gain is None:
             return 0.0
         score = gained(stage, gain)
-        if score > best.score:
+        if score > best.score and is_plausible(robot, gain.candidate, gain.coefficients):
             best = Weighed(gain, score)
         return -score
 

@@ -91,7 +91,8 @@ def unclaimed(first: Stage, last: Stage, free: Bank, certain: Stage | None = Non
             found[each.joint] = each
     for each in _of_nothing(first, last if certain is None else certain):
         found.setdefault(each.joint, each)
-    return tuple(sorted(found.values(), key=lambda item: -item.share))
+    told = [each for each in found.values() if last.hypothesis.is_told[each.joint]]
+    return tuple(sorted(told, key=lambda item: -item.share))
 
 
 def _of_free_functions(first: Stage, last: Stage, free: Bank) -> Iterator[Unclaimed]:

@@ -1,11 +1,14 @@
-"""Which samples of a log count."""
+"""Which samples of a log count, and what is said where too few do."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from diagnosis.diagnose import diagnose
 from diagnosis.preparation import prepare
+from diagnosis.report.summary import summary
+from identification.errors import InputError
 from testbench.log import Recording
 
 from .diagnosed import simulated_runs
@@ -37,3 +40,27 @@ def test_what_is_made_up_where_samples_are_missing_does_not_count(tmp_path, miss
     # What is far from it counts as before.
     away = np.abs(whole.kept - missing.start) > 200
     assert np.mean(short.used[away] == whole.used[away]) > 0.99
+
+
+def _held(arm, joints):
+    """Two logs with some joints held where they begin, a little noise on everything."""
+    rng, runs = np.random.default_rng(2), {}
+    for name, run in simulated_runs(arm, []).items():
+        position = run.position.copy()
+        position[:, joints] = position[0, joints] + rng.normal(0, 1e-6, (len(position), len(joints)))
+        runs[name] = replace(run, position=position, velocity=None)
+    return runs
+
+
+def test_logs_of_an_arm_at_rest_are_refused(tmp_path):
+    arm = small_arm(tmp_path)
+    with pytest.raises(InputError, match="cannot tell, got all at rest"):
+        prepare(arm, _held(arm, [0, 1]))
+
+
+def test_a_joint_that_hardly_moves_is_said_to_tell_nothing(tmp_path):
+    arm = small_arm(tmp_path)
+    found = diagnose(arm, _held(arm, [1]))
+    assert found.untold == (1,)
+    assert "elbow" in summary(found).plain
+    assert all(each.joint != 1 for each in found.effects)

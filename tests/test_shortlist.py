@@ -41,7 +41,7 @@ def test_what_fits_a_joint_best_is_listed_though_it_was_not_material(arm):
     springs = candidates(prepared, only=["cable_spring", "gravity_spring"])
     open_ = weigh(stage, Bank(stage.ground, [each for each in springs if each.family.joint == 1]))
     material = [each for each in open_ if each.candidate.family.effect == "gravity_spring"]
-    chosen = choose(stage, material, open_)
+    chosen = choose(arm, stage, material, open_)
     assert chosen is not None
     best, rivals, _ = chosen
     assert best.candidate.family.effect == "cable_spring"

@@ -110,7 +110,12 @@ def render(
         experiment=next_experiment,
         unknown=diagnosis.verdict == "unknown",
         not_in_mjcf=list(not_in_mjcf),
-        notes=[*diagnosis.notes, *words.recurrence(diagnosis), *words.near_rest(diagnosis)],
+        notes=[
+            *diagnosis.notes,
+            *words.untold(diagnosis),
+            *words.recurrence(diagnosis),
+            *words.near_rest(diagnosis),
+        ],
         plotly=Markup(get_plotlyjs()),
     )
 

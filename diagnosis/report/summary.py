@@ -32,6 +32,7 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
         lines.append(_line("effect", f"{label}: {100 * each.probability:.0f} %; {words.parameters(each)}"))
     if diagnosis.effects and diagnosis.notes:
         lines.append(_line("unknown", diagnosis.notes[0]))
+    lines += [_line("untold", each) for each in words.untold(diagnosis)]
     ambiguous = next((each for each in diagnosis.effects if each.confusable_with), None)
     if ambiguous is not None:
         others_like = words.titles(ambiguous.confusable_with)

@@ -92,6 +92,12 @@ def near_rest(diagnosis: Diagnosis) -> list[str]:
     return said
 
 
+def untold(diagnosis: Diagnosis) -> list[str]:
+    """The joints of which too little is told for a name; nothing where all move enough."""
+    names = [diagnosis.robot.joint_names[joint] for joint in diagnosis.untold]
+    return [f"Too little moves in these runs for a name at {', '.join(names)}."] if names else []
+
+
 def recurrence(diagnosis: Diagnosis) -> list[str]:
     """That a push is in every run, and so in predictions; nothing where it is not."""
     if diagnosis.recurrence is None:

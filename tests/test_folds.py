@@ -1,0 +1,49 @@
+"""What is left out in turn."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.folds import covered
+from diagnosis.preparation import prepare
+from identification.parameters import ARMATURE, COULOMB
+from testbench.effects.logged import logged_run
+from testbench.log import Recording
+from testbench.robot import Robot
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+NOISE = 0.02
+
+
+@pytest.fixture
+def arm(tmp_path) -> Robot:
+    return small_arm(tmp_path)
+
+
+def _in_turn(arm: Robot) -> dict[str, Recording]:
+    """Three runs in each of which one joint moves, the last two the same; the model's friction is wrong."""
+    true = arm.parameters.copy().reshape(arm.joints, -1)
+    true[:, [ARMATURE, COULOMB]] *= 2
+    runs = {}
+    for index, (name, run) in enumerate(simulated_runs(arm, [], runs=3).items()):
+        still = 1 if index == 0 else 0
+        position = run.position.copy()
+        position[:, still] = position[0, still]
+        noise = np.random.default_rng(index).normal(0, NOISE, position.shape)
+        alone = replace(run, position=position, velocity=None)
+        along = logged_run(arm, alone, true.ravel(), 40.0)
+        runs[name] = replace(alone, torque=along.predicted + noise)
+    return runs
+
+
+def test_a_run_of_a_joint_that_no_other_moves_is_left_out_in_parts(arm):
+    folds = covered(prepare(arm, _in_turn(arm))).folds
+    assert [run for run, _ in folds] == [0, 0, 0, 1, 2]
+
+
+def test_runs_that_move_everything_are_left_out_whole(arm):
+    prepared = prepare(arm, simulated_runs(arm, [], runs=3))
+    assert covered(prepared).folds == prepared.folds
