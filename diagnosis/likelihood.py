@@ -73,11 +73,11 @@ def log_likelihood(hypothesis: Design, fitted: Fit) -> float:
     """
     held_out = log_of_squares(hypothesis.independent, squares(fitted.held_out))
     within = log_of_squares(hypothesis.independent, squares(fitted.residual))
-    price = sum(_price(hypothesis, each) for each in hypothesis.accepted)
-    return (held_out + within - price) / 2 + float(log_prior(hypothesis, fitted.values))
+    paid = sum(price(hypothesis, each) for each in hypothesis.accepted)
+    return (held_out + within - paid) / 2 + float(log_prior(hypothesis, fitted.values))
 
 
-def _price(hypothesis: Design, candidate: Candidate) -> float:
+def price(hypothesis: Design, candidate: Candidate) -> float:
     """Half the logarithm of the samples that tell of it, for everything that was fitted of an effect."""
     told = float(np.max(hypothesis.independent[list(candidate.member.rows)]))
     return 0.5 * (candidate.count + len(candidate.member.shape)) * float(np.log(max(told, 1.0)))

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 SMALLEST_EIGENVALUE = 1e-9
 # An offset that is not this many standard deviations from zero is not worth a place in the model.
 OFFSET_DEVIATIONS = 3.0
+# MuJoCo's largest, of a constraint whose solimpfriction is not set.
+IMPEDANCE = 0.95
 AXES = ("x", "y", "z")
 
 
@@ -57,10 +59,10 @@ def write_corrected(diagnosis: Diagnosis, path: str | Path) -> tuple[str, ...]:
         law = f"fc tanh(v / {width:.2g} {unit})"
         kept += (f"friction of {name} is soft near rest, {law}; MuJoCo's frictionloss jumps",)
     if model.coulomb_lead > 0:
-        # The impedance at which it stands is the constraint's own: 2 l / dmax.
+        constant = 2 * model.coulomb_lead / IMPEDANCE
         kept += (
-            f"friction changes sign {1e3 * model.coulomb_lead:.1f} ms ahead of the joints; "
-            "MuJoCo's frictionloss does by half of solreffriction's time constant",
+            f"friction changes sign {1e3 * model.coulomb_lead:.1f} ms ahead of the joints: "
+            f'frictionloss does with solreffriction="{constant:.2g} 1", which the file leaves as given',
         )
     return kept + refused
 

@@ -11,7 +11,7 @@ from testbench.robot import Robot
 from .candidates import candidate
 from .delay import likeliest_delay
 from .evidence import DELAY, Design, Fit
-from .likelihood import Weighed, gained, log_likelihood, odds
+from .likelihood import Weighed, gained, log_likelihood, odds, price
 from .materiality import is_plausible
 from .weighing import Bank, Stage
 
@@ -29,7 +29,7 @@ def choose(
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
     """The shortlist refined and compared by one set of weights: the best, fitted in full, and its rivals.
 
-    None where the hypothesis is no likelier with any of it, fitted in full.
+    None where the hypothesis fits worse with any of it, fitted in full.
 
     A rival is what has little left to explain once the best is in; anything else is another effect. robot:
     that sizes are relative to. material, open_: best first; of the second, what fits a listed effect's joint
@@ -43,8 +43,9 @@ def choose(
         log_likelihood(*stage.compared(weighed.candidate)) - float(np.log(weighed.candidate.shapes))
         for weighed in shortlist
     ]
-    first = int(np.argmax(likelihoods))
-    if likelihoods[first] <= log_likelihood(stage.hypothesis, stage.fitted):
+    first, before = int(np.argmax(likelihoods)), log_likelihood(stage.hypothesis, stage.fitted)
+    # A delay and the timing of the log make a column of each other that only one of them at a time has.
+    if likelihoods[first] + price(stage.hypothesis, shortlist[first].candidate) <= before:
         return None
     trial = stage.with_effects([shortlist[first].candidate])
     after = Stage(stage.ground, *trial)
