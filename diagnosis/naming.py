@@ -11,7 +11,7 @@ from testbench.robot import Robot
 
 from .accepted import Accepted
 from .candidates import SATURATION
-from .evidence import Design, Fit, fitted_to, squares
+from .evidence import FEWEST_INDEPENDENT, Design, Fit, fitted_to, squares
 from .ground import Ground
 from .likelihood import Weighed, gained
 from .materiality import is_beyond_healthy, is_main, is_obvious
@@ -48,7 +48,9 @@ def accepted_as(
     somewhere = {a.candidate.family.joint for a in before if a.named and not a.candidate.is_event}
     main = is_main(sized, apart, stage, best, somewhere, rest)
     certain = found.is_certain(stage)
-    told = bool(np.any(stage.hypothesis.is_told[list(best.candidate.member.rows)]))
+    samples = stage.independent[list(best.candidate.member.rows)]
+    # Of an effect of the whole robot all joints tell.
+    told = (samples.max() if best.candidate.family.joint is not None else samples.sum()) >= FEWEST_INDEPENDENT
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(
         candidate=best.candidate,
@@ -57,7 +59,7 @@ def accepted_as(
         score=best.score,
         share=float(stage.shares(best.gain).max()),
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
-        named=beyond and main and certain and told,
+        named=bool(beyond and main and certain and told),
         is_certain=certain,
         is_trace=found.is_trace,
     )
