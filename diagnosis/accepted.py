@@ -7,7 +7,8 @@ import numpy as np
 
 from .candidates import Candidate
 from .likelihood import Weighed
-from .unclaimed import SPRINGS, Unclaimed
+from .materiality import SPRINGS
+from .unclaimed import Unclaimed
 from .weighing import Stage
 
 # Cycles a revolution.

@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 INDEPENDENT = 0.25
 # So many of them, three seconds of motion, tell little more than a joint's own parameters.
 FEWEST_INDEPENDENT = 80.0
+# What all runs together fit, but for this share of it, each of them was extrapolated to.
+FITTED_LEFT = 0.3
 RIDGE = 1e-12
 RIDGES = (RIDGE, 1e-9, 1e-6)
 WEIGHT_PASSES = 3
@@ -275,6 +277,14 @@ def standard_values(prepared: Prepared, values: Array) -> Array:
 def squares(residual: Sequence[Array]) -> Array:
     """Sum of squares of each joint over all runs (M, n), (n,)."""
     return np.sum([np.sum(run**2, axis=0) for run in residual], axis=0)
+
+
+def is_extrapolated(together: Array, left_out: Array) -> NDArray[np.bool_]:
+    """Whether what is left without a part of the runs is none of the robot's: nothing else told of that part.
+
+    together, left_out: squared residuals of what is fitted to all runs, and of each part without it.
+    """
+    return together < FITTED_LEFT**2 * left_out
 
 
 def prior_distance(hypothesis: Design, values: Array) -> Array:

@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from .evidence import fitted_to, squares
+from .evidence import fitted_to, is_extrapolated, squares
 from .ground import ground
 from .preparation import Prepared, blocks
 
-# A run is extrapolated to where all runs together leave this share of what is left of it without it, and that
-# is no less than this share of the joint's torque.
-FITTED_LEFT, SEEN = 0.3, 0.01
+# A run is extrapolated to where that leaves no less than this share of the joint's torque.
+SEEN = 0.01
 # Then it is left out in so many parts; in two of many runs, for their number is what a fit costs.
 PARTS, MANY = 3, 6
 
@@ -25,7 +24,7 @@ def covered(prepared: Prepared) -> Prepared:
         own = [part for at, part in prepared.folds if at == index]
         least = (SEEN * torque) ** 2 * np.maximum(hypothesis.used[index].sum(axis=0), 1)
         without, together = squares([fitted.held_out[index]]), squares([fitted.residual[index]])
-        is_alone = np.any((together < FITTED_LEFT**2 * without) & (without > least))
+        is_alone = np.any(is_extrapolated(together, without) & (without > least))
         if is_alone and len(own) < parts:
             own = blocks(len(run.time), parts)
         folds.extend((index, part) for part in own)

@@ -95,10 +95,10 @@ def near_rest(stage: Stage, weighed: Sequence[Weighed], ahead: Bank, soft: Bank)
         if rival.candidate.family.joint is None and gained_by_shift(stage, rival.gain) >= 0
     ]
     lead = _leading(stage, least, MORE * max(of_all, default=0.0), ahead)
-    known = {int(j): float(w) for j, w in enumerate(stage.prepared.coulomb_smoothing) if w > 0}
     if lead > 0:
         # How wide it turns is told once it is known when.
         return NearRest({}, lead)
+    known = {int(j): float(w) for j, w in enumerate(stage.prepared.coulomb_smoothing) if w > 0}
     widths = _soft(stage, least, soft)
     return NearRest(known | widths, stage.prepared.coulomb_lead) if widths else None
 

@@ -29,7 +29,7 @@ def choose(
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
     """The shortlist refined and compared by one set of weights: the best, fitted in full, and its rivals.
 
-    None where the hypothesis fits worse with any of it, fitted in full.
+    None where the hypothesis fits worse with any of it, fitted in full, by more than its price.
 
     A rival is what has little left to explain once the best is in; anything else is another effect. robot:
     that sizes are relative to. material, open_: best first; of the second, what fits a listed effect's joint
@@ -44,7 +44,8 @@ def choose(
         for weighed in shortlist
     ]
     first, before = int(np.argmax(likelihoods)), log_likelihood(stage.hypothesis, stage.fitted)
-    # A delay and the timing of the log make a column of each other that only one of them at a time has.
+    # A delay and the timing of the log make a column of each other that only one of them at a time has. The
+    # price is for rivals; here nothing is to make the fit far worse.
     if likelihoods[first] + price(stage.hypothesis, shortlist[first].candidate) <= before:
         return None
     trial = stage.with_effects([shortlist[first].candidate])

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .candidates import FREE
-from .evidence import DELAY, LATE, design, fit, squares
+from .evidence import DELAY, LATE, design, fit, is_extrapolated, squares
 from .generic import RUN_TIME
 from .likelihood import weigh
 from .localisation import regime_shares
+from .materiality import SPRINGS
 from .noise import noise_rms
 from .spectrum import PERIODIC, SPECTRAL, slow_share
 from .weighing import Bank, Gain, Stage
@@ -30,13 +31,10 @@ MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
 # noise, and this share of what re-identification left: a law that is nearly the robot's leaves less, and a
 # spring's next to nothing.
 STANDING_OUT_TORQUE, STANDING_OUT, STANDING_OUT_LEFT, SPRING_LEFT = 0.03, 3.0, 0.37, 0.12
-SPRINGS = {"gravity_spring", "cable_spring"}
 # And what is slow, where it is this share of the joint's torque: no healthy joint leaves so much but noise.
 STRUCTURE, SLOW = 0.04, 0.5
 # Or is not noise because some part of the motion has so many times its share of it.
 DENSE = 2.0
-# What all runs together fit, but for this share of it, each of them was extrapolated to.
-FITTED_LEFT = 0.3
 # A period counts from so many times the share that chance gives one.
 MORE_THAN_CHANCE = 2.0
 WORSE = 0.1
@@ -152,8 +150,8 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     # What is worse than without any effect says nothing of the robot.
     stands_out &= (left > most) & (left < 1 + WORSE)
     structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & (left < 1 + WORSE)
-    fits = squares(last.fitted.residual) < FITTED_LEFT**2 * last.held_squares
-    for joint in np.flatnonzero((unfit | stands_out | structured) & ~fits).tolist():
+    extrapolated = is_extrapolated(squares(last.fitted.residual), last.held_squares)
+    for joint in np.flatnonzero((unfit | stands_out | structured) & ~extrapolated).tolist():
         slow = _slow(last, joint)
         is_large = unfit[joint] and noise[joint] > MISFIT_NOISE
         is_structure = structured[joint] and relative[joint] ** 2 * slow > STRUCTURE**2
