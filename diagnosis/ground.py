@@ -15,6 +15,9 @@ from .prior import TIMING, parameter_widths
 
 Array = NDArray[np.float64]
 
+# rad/s (m/s), and rad/s² (m/s²): what a joint that is at rest counts as moving by.
+SLOWEST = 0.01
+
 
 class Ground:
     """Base regressor and gap of prepared runs, with their used rows gathered by fold and joint.
@@ -28,7 +31,12 @@ class Ground:
         self.prepared, self.folds, self.joints = prepared, prepared.folds, prepared.joints
         torque = np.concatenate([run.torque for run in prepared.runs])
         self.torque_rms = np.sqrt(np.mean(torque**2, axis=0))
-        self.precision = np.append(parameter_widths(prepared.nominal, self.torque_rms), TIMING) ** -2.0
+        speed, acceleration = (
+            np.sqrt(np.mean(np.concatenate(part) ** 2, axis=0)).clip(SLOWEST)
+            for part in ([run.logged.dq for run in prepared.runs], [run.logged.ddq for run in prepared.runs])
+        )
+        widths = parameter_widths(prepared.nominal, self.torque_rms, speed, acceleration)
+        self.precision = np.append(widths, TIMING) ** -2.0
         self.columns = tuple(
             np.concatenate(
                 [run.rows, -run.filtered(run.logged.predicted_rate, range(self.joints))[:, :, None]], axis=2

@@ -15,17 +15,23 @@ Array = NDArray[np.float64]
 MASS, CENTRE, INERTIA = 0.10, 0.02, 0.20
 ROTOR, FRICTION = 0.20, 0.35
 OFFSET_SHARE = 0.03
+# What a model has none of at all, as a URDF has no friction and no rotors, may need any part of the torque.
+UNMODELLED = 1.0
+# Coulomb friction is about this share of a joint's torque, where a model does not say.
+COULOMB_SHARE = 0.2
 # Half a size of this share of the arm's largest link stands in where a model has next to nothing.
 FLOOR = 0.01
 # Torque and position are sampled up to two milliseconds apart.
 TIMING = 0.7e-3
 
 
-def parameter_widths(nominal: Array, torque_scale: Array) -> Array:
+def parameter_widths(
+    nominal: Array, torque_scale: Array, speed_scale: Array, acceleration_scale: Array
+) -> Array:
     """Standard deviations (14 n,) of the robot's standard parameters about the model's.
 
-    torque_scale: (n,) N·m, a typical torque of each joint; friction that the model leaves out is
-    judged by it.
+    torque_scale, speed_scale, acceleration_scale: (n,) N·m, rad/s (m/s), rad/s² (m/s²), typical of a joint;
+    friction and rotors that the model leaves out are judged by them.
     """
     table = nominal.reshape(-1, PER_JOINT)
     mass = np.maximum(table[:, 9], FLOOR * table[:, 9].max())
@@ -38,6 +44,15 @@ def parameter_widths(nominal: Array, torque_scale: Array) -> Array:
     out[:, VISCOUS] = FRICTION * table[:, VISCOUS] + FLOOR * torque_scale
     out[:, COULOMB] = FRICTION * table[:, COULOMB] + FLOOR * torque_scale
     out[:, OFFSET] = OFFSET_SHARE * table[:, COULOMB] + 1e-3 * torque_scale
+    is_unmodelled = table[:, COULOMB] == 0
+    out[is_unmodelled, OFFSET] += (OFFSET_SHARE * COULOMB_SHARE * torque_scale)[is_unmodelled]
+    most = UNMODELLED * torque_scale
+    for column, width in (
+        (ARMATURE, most / acceleration_scale),
+        (VISCOUS, most / speed_scale),
+        (COULOMB, most),
+    ):
+        out[:, column] = np.where(table[:, column] == 0, np.maximum(out[:, column], width), out[:, column])
     return out.ravel()
 
 
