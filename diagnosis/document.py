@@ -112,6 +112,7 @@ def diagnosis_document(
         "not_in_mjcf": list(not_in_mjcf),
         "notes": list(diagnosis.notes),
         "untold": [names[joint] for joint in diagnosis.untold],
+        "mended": diagnosis.mended,
         "correction": correction_document(corrected_model(diagnosis)),
     }
 

@@ -153,6 +153,11 @@ class Diagnosis:
     recurrence: Recurrence | None = None
 
     @property
+    def mended(self) -> dict[str, int]:
+        """How many samples of each run were lost and are interpolated; runs of none are not in it."""
+        return {run.name: run.lost for run in self.prepared.runs if run.lost}
+
+    @property
     def untold(self) -> tuple[int, ...]:
         """The joints of which these runs tell too little for anything there to have a name."""
         return tuple(np.flatnonzero(~self.final[0].is_told).tolist())

@@ -16,8 +16,9 @@ from identification.models import POSITION_BAND
 from testbench.effects import effect
 from testbench.effects.signature import Logged
 from testbench.files import replacing
-from testbench.identify import motion
 from testbench.log import Recording, check_joints, read_log, write_log
+from testbench.lost_samples import lost_samples, mended
+from testbench.sampling import motion, on_grid
 from testbench.simulation import Reference
 from testbench.simulation.controller import feedforward
 
@@ -123,17 +124,12 @@ def term_torque(term: Term, logged: Logged) -> Array:
 def logged_motion(model: Corrected, recording: Recording) -> Logged:
     """The motion of a recording with no trace of its torque, and the model along it."""
     # The torque is not read, so that it cannot matter.
-    raw = motion(replace(recording, torque=np.zeros_like(recording.position)))
+    recording = replace(recording, torque=np.zeros_like(recording.position))
+    recording = on_grid(mended(recording, lost_samples(recording)))
+    raw = motion(recording)
     rate = raw.sample_rate
     cutoff = POSITION_BAND * filter_cutoff(rate)
     signals = differentiate(raw, "butterworth_central", cutoff)
-    same_grid = len(signals.q) == len(recording.time)
-    reference = (
-        recording.reference_position,
-        recording.reference_velocity,
-        recording.reference_acceleration,
-    )
-    kept: Sequence[Array | None] = reference if same_grid else (None, None, None)
     logged = Logged(
         chain=model.chain,
         parameters=model.linearised,
@@ -146,17 +142,16 @@ def logged_motion(model: Corrected, recording: Recording) -> Logged:
         dq=signals.dq,
         ddq=signals.ddq,
         tau=np.zeros_like(signals.q),
-        temperature=recording.temperature if same_grid else None,
-        reference_position=kept[0],
-        reference_velocity=kept[1],
-        reference_acceleration=kept[2],
+        temperature=recording.temperature,
+        reference_position=recording.reference_position,
+        reference_velocity=recording.reference_velocity,
+        reference_acceleration=recording.reference_acceleration,
         body_rotation=model.body_rotation,
         body_origin=model.body_origin,
         coulomb_smoothing=model.coulomb_smoothing,
         coulomb_lead=model.coulomb_lead,
     )
-    command = _command(model, recording, logged.dq) if same_grid else None
-    return replace(logged, tau=logged.predicted, torque_command=command)
+    return replace(logged, tau=logged.predicted, torque_command=_command(model, recording, logged.dq))
 
 
 def _command(model: Corrected, recording: Recording, dq: Array) -> Array | None:

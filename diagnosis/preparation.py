@@ -16,9 +16,10 @@ from identification.parameters import PER_JOINT
 from identification.regressor import regressor
 from identification.signals import Motion
 from testbench.effects.logged import Logged, body_in_link
-from testbench.identify import motion
 from testbench.log import CHANNELS, Recording
+from testbench.lost_samples import lost_samples, mended
 from testbench.robot import Robot
+from testbench.sampling import motion, on_grid
 
 from .band import joint_bands
 from .decimation import DecimatingFilter, decimating_filters, filtered
@@ -47,7 +48,8 @@ class Run:
     name: the log's. logged: full-rate signals with the model's prediction. filters: (n,) of each joint's
     torque and columns alike. kept: (M,) indices of the decimated samples. time: (M,) s. q, dq, ddq: (M, n).
     torque: (M, n), rows: (M, n, 14 n) standard regressor, both filtered. used: (M, n) bool, away from rest.
-    smear: (n,) samples at full rate that each filter spreads what is near rest over.
+    smear: (n,) samples at full rate that each filter spreads what is near rest over. lost: how many samples
+    of the log were held or spoiled, and are interpolated.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Run:
     rows: Array
     used: NDArray[np.bool_]
     smear: NDArray[np.int64]
+    lost: int
 
     def away_from(self, joint: int, speed: float) -> NDArray[np.bool_]:
         """The samples (M,) not smeared with friction turning, at speeds up to this one, rad/s (m/s)."""
@@ -136,11 +139,15 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     """
     if not recordings:
         raise InputError("diagnose", "logs", "at least one", 0)
-    thin = {name: thinned(recording) for name, recording in recordings.items()}
+    lost = {name: lost_samples(recording) for name, recording in recordings.items()}
+    stamps = {name: recording.time[~lost[name]] for name, recording in recordings.items()}
+    thin = {name: thinned(mended(recording, lost[name])) for name, recording in recordings.items()}
+    thin = {name: on_grid(recording) for name, recording in thin.items()}
     motions = {name: motion(recording) for name, recording in thin.items()}
     widest = max(filter_cutoff(each.sample_rate) for each in motions.values())
     bands = joint_bands(robot, list(motions.values()), widest)
-    runs = tuple(_run(robot, name, thin[name], motions[name], bands) for name in thin)
+    runs = tuple(_run(robot, name, thin[name], motions[name], bands, stamps[name]) for name in thin)
+    runs = tuple(replace(run, lost=int(lost[run.name].sum())) for run in runs)
     if not any(run.used.any() for run in runs):
         expected = f"some joint faster than {DEAD_ZONE} rad/s (m/s): these logs cannot tell"
         raise InputError("logs", "joint/position", expected, "all at rest, or too short a move")
@@ -172,8 +179,8 @@ def thinned(recording: Recording) -> Recording:
     return replace(recording, sample_rate=recording.sample_rate / count, **channels)
 
 
-def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Array) -> Run:
-    """One run. recording: thinned. raw: its motion. bands: (n,) Hz."""
+def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Array, stamps: Array) -> Run:
+    """One run. recording: thinned, on a grid. raw: its motion. bands: (n,) Hz. stamps: (S,) s, of good ones."""
     rate = raw.sample_rate
     cutoff = filter_cutoff(rate)
     signals = differentiate(raw, "butterworth_central", POSITION_BAND * cutoff)
@@ -185,7 +192,6 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         needed = 2 * filters[0].reach + SMALLEST_RUN * filters[0].step
         lowest = float(cutoffs.min())
         raise InputError(name, "time", f"at least {needed} samples for a {lowest:.3g} Hz filter", samples)
-    same_grid = len(recording.time) == samples
     body_rotation, body_origin = body_in_link(robot, robot.joints - 1)
     logged = Logged(
         chain=robot.chain,
@@ -199,12 +205,11 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         dq=signals.dq,
         ddq=signals.ddq,
         tau=signals.tau,
-        # A resampled log has lost the grid of its other channels.
-        temperature=recording.temperature if same_grid else None,
-        torque_command=recording.torque_command if same_grid else None,
-        reference_position=recording.reference_position if same_grid else None,
-        reference_velocity=recording.reference_velocity if same_grid else None,
-        reference_acceleration=recording.reference_acceleration if same_grid else None,
+        temperature=recording.temperature,
+        torque_command=recording.torque_command,
+        reference_position=recording.reference_position,
+        reference_velocity=recording.reference_velocity,
+        reference_acceleration=recording.reference_acceleration,
         body_rotation=body_rotation,
         body_origin=body_origin,
     )
@@ -227,8 +232,9 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         rows=base,
         used=np.ones((len(kept), robot.joints), bool),
         smear=2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1,
+        lost=0,
     )
-    made_up = _between(recording.time, logged.time, max(LONGEST_STEP / cutoff, STEPS / rate))
+    made_up = _between(stamps, logged.time, max(LONGEST_STEP / cutoff, STEPS / rate))
     used = [run.away_from(j, DEAD_ZONE) & run.apart_from(made_up, j) for j in range(robot.joints)]
     return replace(run, used=np.column_stack(used))
 

@@ -3,27 +3,22 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-from scipy.interpolate import CubicSpline
-
 from identification.errors import InputError
 from identification.filtering import require_cutoff
 from identification.observations import POSITION_BAND
 from identification.pipeline import IdentificationOptions, identify
-from identification.signals import Motion
 
 from .closed_loop import recorded_loops
 from .estimate_file import write_estimate
 from .files import require_writable
 from .log import Recording, check_joints, read_log
+from .lost_samples import lost_samples, mended
 from .model_file import write_model
 from .report import write_report
 from .results import IdentificationResult
 from .robot import Robot, load_robot
+from .sampling import motion
 from .summary import print_summary
-
-# Time stamps that stray further from the grid than this share of a step are resampled.
-GRID_TOLERANCE = 0.01
 
 
 def identify_logs(
@@ -72,6 +67,7 @@ def identify_recordings(
     options: IdentificationOptions,
 ) -> IdentificationResult:
     """Identify recordings by name; the result has no comparison with a truth."""
+    fitted, validated = ({name: _mended(run) for name, run in runs.items()} for runs in (fitted, validated))
     found = identify(
         robot.chain,
         robot.parameters,
@@ -92,17 +88,9 @@ def identify_recordings(
     )
 
 
-def motion(recording: Recording) -> Motion:
-    """The recording's position and torque on a uniform grid; resampled only where time stamps stray."""
-    rate = recording.sample_rate
-    count = len(recording.time)
-    grid = recording.time[0] + np.arange(count) / rate
-    if np.max(np.abs(recording.time - grid)) <= GRID_TOLERANCE / rate:
-        return Motion(recording.position, recording.torque, rate)
-    grid = np.arange(recording.time[0], recording.time[-1], 1 / rate)
-    position = CubicSpline(recording.time, recording.position)(grid)
-    torque = np.column_stack([np.interp(grid, recording.time, column) for column in recording.torque.T])
-    return Motion(position, torque, rate)
+def _mended(recording: Recording) -> Recording:
+    """The recording with samples that were lost on the way interpolated."""
+    return mended(recording, lost_samples(recording))
 
 
 def _read(path: Path, robot: Robot, options: IdentificationOptions) -> Recording:

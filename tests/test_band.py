@@ -9,8 +9,8 @@ from diagnosis.band import NOISE, joint_bands, position_noise
 from diagnosis.decimation import decimating_filters
 from identification.inverse_dynamics import inverse_dynamics
 from identification.signals import Motion
-from testbench.identify import motion
 from testbench.robot import Robot
+from testbench.sampling import motion
 
 from .diagnosed import simulated_runs
 from .small_arm import small_arm

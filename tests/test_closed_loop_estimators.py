@@ -18,10 +18,10 @@ from identification.problem import Problem
 from identification.simulated_motion import simulatable
 from testbench.closed_loop import recorded_loops
 from testbench.comparison import cramer_rao
-from testbench.identify import motion
 from testbench.log import Controller
 from testbench.model_error import ModelError, nominal_parameters
 from testbench.robot import load_robot
+from testbench.sampling import motion
 from testbench.simulation import (
     ControllerOptions,
     SensorOptions,

@@ -16,9 +16,9 @@ from identification.differentiation import differentiate
 from identification.inverse_dynamics import inverse_dynamics
 from identification.models import POSITION_BAND
 from identification.parameters import PER_JOINT
-from testbench.identify import motion
 from testbench.log import Recording
 from testbench.robot import Robot
+from testbench.sampling import motion
 
 from .simulated import IdealRuns
 

@@ -98,6 +98,12 @@ def untold(diagnosis: Diagnosis) -> list[str]:
     return [f"Too little moves in these runs for a name at {', '.join(names)}."] if names else []
 
 
+def mended(diagnosis: Diagnosis) -> list[str]:
+    """The samples that were lost on the way to the log; nothing where none were."""
+    told = [f"{count} of {name}" for name, count in diagnosis.mended.items()]
+    return [f"Samples held or spoiled, and interpolated: {', '.join(told)}."] if told else []
+
+
 def recurrence(diagnosis: Diagnosis) -> list[str]:
     """That a push is in every run, and so in predictions; nothing where it is not."""
     if diagnosis.recurrence is None:

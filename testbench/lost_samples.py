@@ -1,0 +1,142 @@
+"""Samples that a log has lost on the way: held by a late packet, or spoiled by a bad one.
+
+A reader that misses a packet writes the last one again, and a bit that flips throws one sample far off.
+Differentiated twice, either is larger than all that an arm does. Both stand alone between good neighbours.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import maximum_filter1d
+
+from .log import CHANNELS, REQUIRED, Recording
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# So many samples in a row can be lost: what is longer is a rest, or a gap that time stamps should tell.
+MOST_LOST = 5
+# A spoiled sample is so many times farther from the cubic through its neighbours than samples near it are ...
+FARTHER, NEAR = 10.0, 50
+# ... and farther than this share of all that the joint moves, or of the torque's middle nine tenths.
+SHARE_OF_RANGE, SHARE_OF_TORQUE = 1e-4, 1.0
+# ... and than so many steps of the encoder, and this share of what the joint moves there in one sample.
+STEPS, SHARE_OF_MOTION = 8.0, 0.5
+# Good samples to either side that a lost one is interpolated from.
+NEIGHBOURS = 4
+
+
+def lost_samples(recording: Recording) -> Mask:
+    """Which samples (N,) of a recording are not what was measured then."""
+    return _held(recording) | _spoiled(recording)
+
+
+def mended(recording: Recording, lost: Mask) -> Recording:
+    """The recording with these samples (N,) interpolated between their neighbours, positions by a cubic."""
+    if not lost.any():
+        return recording
+    channels: dict[str, Any] = {}
+    for _, field, _, _ in CHANNELS:
+        values = getattr(recording, field)
+        if values is not None:
+            cubic = field in ("position", "reference_position")
+            channels[field] = _filled(recording.time, values, lost, cubic)
+    return replace(recording, **channels)
+
+
+def _held(recording: Recording) -> Mask:
+    """Samples that are the one before again, in all that is measured."""
+    again = np.zeros(len(recording.time), bool)
+    rows = np.concatenate([getattr(recording, field) for field in REQUIRED], axis=1)
+    again[1:] = np.all(rows[1:] == rows[:-1], axis=1)
+    for first, last in _stretches(again):
+        if last - first > MOST_LOST:
+            again[first:last] = False
+    return again
+
+
+def _spoiled(recording: Recording) -> Mask:
+    """Samples far from the cubic through their neighbours that alone keep these from being smooth."""
+    found = np.zeros(len(recording.time), bool)
+    for position in recording.position.T:
+        steps = np.abs(np.diff(position))
+        step = float(np.min(steps, where=steps > 0, initial=np.inf))
+        least = max(SHARE_OF_RANGE * float(np.ptp(position)), STEPS * step if np.isfinite(step) else 0.0)
+        found |= _alone(recording.time, position, least)
+    for torque in recording.torque.T:
+        low, high = np.quantile(torque, (0.05, 0.95))
+        found |= _alone(recording.time, torque, SHARE_OF_TORQUE * float(high - low))
+    return found
+
+
+def _alone(time: Array, values: Array, least: float) -> Mask:
+    """Samples of (N,), up to MOST_LOST in a row, that are far from where good ones beside them put them.
+
+    time: (N,) s. least: how far at least, in the values' unit.
+    """
+    found = np.zeros(len(values), bool)
+    off = _off(time, values)
+    moved = SHARE_OF_MOTION * maximum_filter1d(np.abs(np.gradient(values)), 2 * NEIGHBOURS + 1)
+    limit = np.max([FARTHER * _usual(off), moved, np.full(len(values), least)], axis=0)
+    for first, last in _stretches(off > limit, 2):
+        near = slice(max(first - NEIGHBOURS, 0), min(last + NEIGHBOURS, len(values)))
+        here, bad = values[near].copy(), np.zeros(near.stop - near.start, bool)
+        for _ in range(MOST_LOST):
+            left = np.where(bad, 0.0, _off(time[near], here))
+            if np.all(left <= limit[near]):
+                found[near] |= bad
+                break
+            bad[np.argmax(left)] = True
+            here = _filled(time[near], values[near, None], bad, cubic=True)[:, 0]
+    return found
+
+
+def _off(time: Array, values: Array) -> Array:
+    """How far samples (N,) are from the cubic through two neighbours on either side; 0 for the outermost."""
+    off = np.zeros_like(values)
+    if len(values) < 5:
+        return off
+    shifts = (0, 1, 3, 4)
+    count = len(values) - 4
+    at = [time[shift : shift + count] - time[2:-2] for shift in shifts]
+    inner = np.zeros(count)
+    for own, shift in enumerate(shifts):
+        weight = np.ones(count)
+        for other in range(len(shifts)):
+            if other != own:
+                weight *= at[other] / (at[other] - at[own])
+        inner += weight * values[shift : shift + count]
+    off[2:-2] = np.abs(values[2:-2] - inner)
+    return off
+
+
+def _usual(off: Array) -> Array:
+    """Medians of NEAR samples and those before and after them, the largest, at each of (N,)."""
+    count = max(len(off) // NEAR, 1)
+    size = len(off) // count
+    blocks = np.median(off[: count * size].reshape(count, size), axis=1)
+    around = np.pad(blocks, 1, mode="edge")
+    largest = np.max([around[:-2], blocks, around[2:]], axis=0)
+    return largest[np.minimum(np.arange(len(off)) // size, count - 1)]
+
+
+def _filled(time: Array, values: Array, lost: Mask, cubic: bool) -> Array:
+    """Values (N, n) with the lost ones interpolated."""
+    good, out = ~lost, values.copy()
+    if cubic and np.count_nonzero(good) > 3:
+        out[lost] = CubicSpline(time[good], values[good])(time[lost])
+    else:
+        out[lost] = np.column_stack([np.interp(time[lost], time[good], column[good]) for column in values.T])
+    return out
+
+
+def _stretches(flags: Mask, apart: int = 1) -> list[tuple[int, int]]:
+    """First and one after the last of flags (N,) that are no farther apart than this."""
+    places = np.flatnonzero(flags)
+    if not len(places):
+        return []
+    parts = np.split(places, np.flatnonzero(np.diff(places) > apart) + 1)
+    return [(int(part[0]), int(part[-1]) + 1) for part in parts]

@@ -1,0 +1,98 @@
+"""Samples that a late or a bad packet spoils are told from all that an arm does, and mended."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.attribution import attribute
+from diagnosis.preparation import prepare
+from testbench.log import Recording
+from testbench.lost_samples import lost_samples, mended
+from testbench.robot import Robot
+from testbench.sampling import on_grid
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return small_arm(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def runs(arm: Robot) -> dict[str, Recording]:
+    return simulated_runs(arm, [], runs=3, noise=0.01)
+
+
+def held(run: Recording, seed: int) -> tuple[Recording, np.ndarray]:
+    """The run with one sample in 200, and now and then three in a row, that are the one before again."""
+    rng = np.random.default_rng(seed)
+    places = np.flatnonzero(rng.random(len(run.time)) < 0.005)
+    places = np.concatenate([places, places[::6] + 1, places[::6] + 2])
+    places = np.unique(places[(places > 2) & (places < len(run.time) - 3)])
+    position, torque = run.position.copy(), run.torque.copy()
+    for k in places:
+        position[k], torque[k] = position[k - 1], torque[k - 1]
+    return replace(run, position=position, torque=torque), places
+
+
+def spoiled(run: Recording, seed: int) -> tuple[Recording, np.ndarray]:
+    """The run with twelve samples of the first joint's position 5 mrad off, either way."""
+    rng = np.random.default_rng(seed)
+    places = np.sort(rng.choice(np.arange(20, len(run.time) - 20, 15), 12, replace=False))
+    position = run.position.copy()
+    position[places, 0] += rng.choice([-0.005, 0.005], len(places))
+    return replace(run, position=position), places
+
+
+def test_nothing_of_a_good_log_is_lost(runs):
+    for run in runs.values():
+        lost = lost_samples(run)
+        assert not lost.any()
+        assert mended(run, lost) is run
+
+
+@pytest.mark.parametrize("spoil", [held, spoiled])
+def test_exactly_what_was_lost_is_found_and_is_a_cubic_again(runs, spoil):
+    for seed, run in enumerate(runs.values()):
+        bad, places = spoil(run, seed)
+        lost = lost_samples(bad)
+        assert np.flatnonzero(lost).tolist() == places.tolist()
+        # Three samples in a row at 1 kHz: a cubic through the rest is as good as the encoder's 18 bits.
+        assert np.allclose(mended(bad, lost).position, run.position, atol=3 * 2 * np.pi / 2**18)
+
+
+@pytest.mark.parametrize("spoil", [held, spoiled])
+def test_a_healthy_robot_has_no_effect_for_it(arm, runs, spoil):
+    prepared = prepare(arm, {name: spoil(run, 7)[0] for name, run in runs.items()})
+    assert all(run.lost > 5 for run in prepared.runs)
+    found = attribute(prepared)
+    assert not [a.candidate.family.effect for a in found.accepted if a.named]
+    assert found.unknown == ()
+
+
+def test_a_rest_is_not_lost(runs):
+    run = runs["run_1"]
+    position, torque = run.position.copy(), run.torque.copy()
+    position[:200], torque[:200] = position[0], torque[0]
+    assert not lost_samples(replace(run, position=position, torque=torque))[:190].any()
+
+
+def test_all_channels_of_a_log_with_straying_stamps_are_kept(runs):
+    run = runs["run_1"]
+    kept = np.delete(np.arange(len(run.time)), [500, 501, 900])
+    fields = ("time", "position", "torque", "reference_position", "reference_velocity")
+    thinner = replace(
+        run,
+        velocity=None,
+        torque_command=None,
+        reference_acceleration=None,
+        **{field: getattr(run, field)[kept] for field in fields},
+    )
+    even = on_grid(thinner)
+    assert np.ptp(np.diff(even.time)) < 1e-9
+    count = len(even.time)
+    assert np.allclose(even.reference_velocity, run.reference_velocity[:count], atol=1e-3)
+    assert np.allclose(even.reference_position, run.reference_position[:count], atol=1e-6)
