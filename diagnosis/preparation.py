@@ -180,7 +180,7 @@ def thinned(recording: Recording) -> Recording:
 
 
 def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Array, stamps: Array) -> Run:
-    """One run. recording: thinned, on a grid. raw: its motion. bands: (n,) Hz. stamps: (S,) s, of good ones."""
+    """One run. recording: thinned, on a grid. raw: its motion. bands: (n,) Hz. stamps: (S,) s, none lost."""
     rate = raw.sample_rate
     cutoff = filter_cutoff(rate)
     signals = differentiate(raw, "butterworth_central", POSITION_BAND * cutoff)
