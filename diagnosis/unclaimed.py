@@ -1,6 +1,6 @@
 """Structure that the hypothesis leaves: where a free function of the motion explains what no effect does."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +32,8 @@ MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
 # spring's next to nothing.
 STANDING_OUT_TORQUE, STANDING_OUT, STANDING_OUT_LEFT, SPRING_LEFT = 0.03, 3.0, 0.37, 0.12
 # And what is slow, where it is this share of the joint's torque: no healthy joint leaves so much but noise.
-STRUCTURE, SLOW = 0.04, 0.5
+# Half as much must be left of all runs together, or one run only tells what the others do not.
+STRUCTURE, FITTED_STRUCTURE, SLOW = 0.04, 0.02, 0.5
 # Or is not noise because some part of the motion has so many times its share of it.
 DENSE = 2.0
 # A period counts from so many times the share that chance gives one.
@@ -152,9 +153,10 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & (left < 1 + WORSE)
     extrapolated = is_extrapolated(squares(last.fitted.residual), last.held_squares)
     for joint in np.flatnonzero((unfit | stands_out | structured) & ~extrapolated).tolist():
-        slow = _slow(last, joint)
+        slow, foretold = _slow(last, joint, last.fitted.held_out)
+        _, fitted = _slow(last, joint, last.fitted.residual)
         is_large = unfit[joint] and noise[joint] > MISFIT_NOISE
-        is_structure = structured[joint] and relative[joint] ** 2 * slow > STRUCTURE**2
+        is_structure = structured[joint] and foretold > STRUCTURE and fitted > FITTED_STRUCTURE
         is_slow = slow > SLOW and (stands_out[joint] or is_structure)
         if is_large or is_slow or ((unfit | stands_out)[joint] and _is_dense(last, joint)):
             yield Unclaimed(joint, NOTHING, min(float(left[joint]), 1.0))
@@ -170,15 +172,16 @@ def _relative(stage: Stage) -> Array:
     return _rms(stage) / stage.ground.torque_rms
 
 
-def _slow(stage: Stage, joint: int) -> float:
-    """How much of a joint's squared residual lies where motion does, beyond what noise would have there.
+def _slow(stage: Stage, joint: int, residual: Sequence[Array]) -> tuple[float, float]:
+    """How much of a joint's residual, a run (M, n), lies where motion does, beyond what noise has there.
 
-    Nothing for noise, one for what is nowhere else.
+    As a share of its square, nothing for noise and one for what is nowhere else; its RMS by the joint's own.
     """
-    fitted, used = stage.fitted, stage.hypothesis.used
-    residual = [run[:, joint] for run in fitted.held_out]
-    share, expected = slow_share(stage.prepared.runs, joint, residual, [run[:, joint] for run in used])
-    return (share - expected) / (1 - expected)
+    own, used = [run[:, joint] for run in residual], [run[:, joint] for run in stage.hypothesis.used]
+    share, expected = slow_share(stage.prepared.runs, joint, own, used)
+    slow = (share - expected) / (1 - expected)
+    square = sum(float(np.sum(run**2)) for run in own) / max(float(stage.counts[joint]), 1.0)
+    return slow, float(np.sqrt(max(slow, 0.0) * square)) / float(stage.ground.torque_rms[joint])
 
 
 def _is_dense(stage: Stage, joint: int) -> bool:

@@ -28,9 +28,12 @@ from diagnosis.blind.scenario import load_blind_scenario
 from diagnosis.blind.seal import opened, seal
 from diagnosis.blind.study import Study, work
 from identification.errors import InputError
+from identification.parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT, VISCOUS
 from testbench.effects import effects
 from testbench.effects.base import Injection
 from testbench.files import read_json, write_json
+from testbench.log import read_log
+from testbench.lost_samples import lost_samples
 from testbench.robot import load_robot
 from testbench.simulation import Reference, SimulationOptions, simulate
 
@@ -168,6 +171,32 @@ def test_no_case_tells_its_answer(sealed) -> None:
     assert all(attributes == shared[0] for attributes in shared)
     sizes = {(places(sealed, each["case"]).nominal.read_text().count("\n")) for each in answers}
     assert len(sizes) == 1
+
+
+def test_models_of_links_alone_and_held_samples_are_drawn_where_asked_for(scenario, tmp_path) -> None:
+    plain = make_case(scenario, 0, tmp_path / "plain")
+    asked = scenario.model_copy(
+        update={
+            "nominal": scenario.nominal.model_copy(update={"links_alone": 1.0}),
+            "runs": scenario.runs.model_copy(update={"held": 1.0}),
+        }
+    )
+    bare = make_case(asked, 0, tmp_path / "bare")
+    assert bare["effects"] == plain["effects"]
+    name = NAMES[0]
+    of_plain, of_bare = (places(tmp_path / folder, name) for folder in ("plain", "bare"))
+    friction = [load_robot(each.nominal).parameters.reshape(-1, PER_JOINT) for each in (of_plain, of_bare)]
+    columns = [ARMATURE, VISCOUS, COULOMB]
+    assert np.all(friction[0][:, columns] > 0)
+    assert np.all(friction[1][:, columns] == 0)
+    assert np.allclose(friction[0][:, :INERTIAL], friction[1][:, :INERTIAL], rtol=1e-9, atol=1e-12)
+    first, second = (read_log(each.given / "run_1.h5") for each in (of_plain, of_bare))
+    late = lost_samples(second)
+    assert 0.001 < late.mean() < 0.006
+    assert np.array_equal(first.position[~late], second.position[~late])
+    assert second.controller is not None
+    assert second.controller.kind == "unknown"
+    assert not lost_samples(read_log(of_bare.hidden)).any()
 
 
 def test_what_acts_moves_torque_and_health_moves_none(scenario, sealed) -> None:

@@ -52,11 +52,12 @@ def test_noise_is_nothing_however_large(tmp_path):
     assert found == ()
 
 
-def test_a_run_that_parameters_are_extrapolated_to_is_not_unknown(tmp_path):
+@pytest.mark.parametrize(("noise", "heavier_by"), [(0.05, 1.0), (4.0, 0.15), (6.0, 0.2)])
+def test_a_run_that_parameters_are_extrapolated_to_is_not_unknown(tmp_path, noise, heavier_by):
     """One run alone is fast: without it nothing tells the inertia, which the model has wrong."""
     arm = small_arm(tmp_path)
     heavier = arm.parameters.copy().reshape(arm.joints, -1)
-    heavier[:, ARMATURE] += 1.0
+    heavier[:, ARMATURE] += heavier_by
     fast, *others = simulated_runs(arm, [], runs=3, noise=0.05).values()
     slow = []
     for run in others:
@@ -67,7 +68,7 @@ def test_a_run_that_parameters_are_extrapolated_to_is_not_unknown(tmp_path):
         plain = replace(run, **dict.fromkeys(NOT_READ))
         along = logged_run(arm, plain, heavier.ravel(), 40.0)
         rng = np.random.default_rng(index)
-        runs[f"run_{index}"] = replace(plain, torque=along.predicted + rng.normal(0, 0.05, along.q.shape))
+        runs[f"run_{index}"] = replace(plain, torque=along.predicted + rng.normal(0, noise, along.q.shape))
     found, left = _unclaimed(arm, runs)
     assert left.max() > 0.1
     assert found == ()

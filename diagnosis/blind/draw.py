@@ -33,6 +33,8 @@ MOTIONS = {"fourier": (4, 9), "modified_fourier": (4, 8), "harmonic_sines": (4, 
 LIMIT_SHARE = (0.5, 0.9)
 # One run is rich in what elasticity and play show in: Hz of its lowest harmonic, their number, its share.
 RICH_BASE, RICH_HARMONICS, RICH_SHARE = (0.25, 0.3), 20, (0.4, 0.6)
+# Share of the samples that a log holds where it does.
+HELD = 0.003
 TRANSMISSION = ("backlash", "joint_elasticity")
 DRAWS = 50
 
@@ -65,7 +67,8 @@ class Draw:
 
     robot: index in the scenario. background, nominal: scales, 0 for none. encoder_bits, torque_noise (share
     of the limit), torque_correlation_time (s): of a robot without background. channels: what is logged
-    beside position and torque.
+    beside position and torque. links_alone: whether the model has no friction and no rotors. held: share of
+    the samples that logs hold.
     """
 
     name: str
@@ -84,6 +87,8 @@ class Draw:
     slide_resolution: float
     channels: tuple[str, ...]
     motions: tuple[Motion, ...]
+    links_alone: bool
+    held: float
 
     def told(self) -> dict[str, Any]:
         """All of it as JSON types."""
@@ -145,6 +150,8 @@ def drawn_case(scenario: BlindScenario, index: int, stream: np.random.SeedSequen
         channels=tuple(channels),
         motions=_motions(scenario, rng),
         effects=_effects(kind, robot_of(scenario.robots[robot].model), rng),
+        links_alone=bool(rng.random() < nominal.links_alone),
+        held=HELD if rng.random() < runs.held else 0.0,
     )
 
 

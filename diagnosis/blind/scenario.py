@@ -54,14 +54,21 @@ class BackgroundSection(_Section):
 
 
 class NominalSection(_Section):
-    """smallest, largest: scale of CAD's errors in the nominal model."""
+    """smallest, largest: scale of CAD's errors in the nominal model.
+
+    links_alone: share of the cases whose model has no friction and no rotors, as a URDF.
+    """
 
     smallest: Scale = 0.3
     largest: Scale = 1.2
+    links_alone: Fraction = 0.0
 
 
 class RunsSection(_Section):
-    """Runs that the diagnosis is given, their length and their rates; one more is hidden."""
+    """Runs that the diagnosis is given, their length and their rates; one more is hidden.
+
+    held: share of the cases whose logs hold a sample now and then.
+    """
 
     fewest: Annotated[int, Field(ge=1, le=20)] = 3
     most: Annotated[int, Field(ge=1, le=20)] = 5
@@ -69,6 +76,7 @@ class RunsSection(_Section):
     longest: Seconds = 15.0
     sample_rates: Annotated[tuple[float, ...], Field(min_length=1)] = (500.0, 1000.0, 2000.0)
     physics_timestep: Seconds = 2.5e-4
+    held: Fraction = 0.0
 
 
 class BlindScenario(_Section):

@@ -10,13 +10,15 @@ from scipy.signal import lfilter
 
 from identification.excitation.design import random_motion
 from identification.inverse_dynamics import inverse_dynamics
+from identification.parameters import ARMATURE, COULOMB, PER_JOINT, VISCOUS
 from testbench.background import background
 from testbench.clearance import robot_clearance
 from testbench.effects.base import Injection
 from testbench.excite import CLEARANCE
 from testbench.log import Controller, Recording
 from testbench.model_error import ModelError, nominal_model
-from testbench.robot import Robot
+from testbench.model_file import write_model
+from testbench.robot import Robot, load_robot
 from testbench.simulation import (
     ControllerOptions,
     Reference,
@@ -48,14 +50,15 @@ CREATED = "2000-01-01T00:00:00+00:00"
 class PlannedCase:
     """A case before its logs.
 
-    robot: the true one. nominal: the model that goes with the logs. references: of the runs that are given,
-    then of the hidden one; streams: of the noise of each. injections: the effects beside the background.
-    healthy: options of the twin, which has the same background. telling: the stream of what is logged beside
-    position and torque.
+    robot: the true one. model: what its drives know of it. nominal: the model that goes with the logs.
+    references: of the runs that are given, then of the hidden one; streams: of the noise of each. injections:
+    the effects beside the background. healthy: options of the twin, which has the same background. telling:
+    the stream of what is logged beside position and torque.
     """
 
     draw: Draw
     robot: Robot
+    model: Robot
     nominal: Robot
     references: tuple[Reference, ...]
     streams: tuple[np.random.SeedSequence, ...]
@@ -94,7 +97,10 @@ def planned_case(
     robot = robot_of(section.model)
     if section.error > 0:
         robot = nominal_model(robot, ModelError().scaled(section.error), true, scratch / "robot.xml")
-    model = nominal_model(robot, ModelError().scaled(draw.nominal), wrong, nominal)
+    model = given = nominal_model(robot, ModelError().scaled(draw.nominal), wrong, nominal)
+    if draw.links_alone:
+        write_model(model, _links_alone(model), nominal)
+        given = load_robot(nominal)
     references = _references(draw, model)
     sensors = _sensors(draw, robot)
     effects: tuple[Injection, ...] = ()
@@ -104,7 +110,8 @@ def planned_case(
     return PlannedCase(
         draw=draw,
         robot=robot,
-        nominal=model,
+        model=model,
+        nominal=given,
         references=references,
         streams=tuple(noise.spawn(len(references))),
         injections=_injections(draw, robot, references, np.random.default_rng(numbers)),
@@ -143,7 +150,11 @@ def simulated_case(case: PlannedCase) -> SimulatedCase:
     count = len(case.references)
     kinds = [case.injections, ()] if case.injections else [()]
     recordings = _simulated(case, [(case.healthy, kind, run) for kind in kinds for run in range(count)])
-    return SimulatedCase(recordings[: count - 1], recordings[count - 1], recordings[-count:])
+    given = tuple(
+        _held(recording, case.draw.held, stream)
+        for recording, stream in zip(recordings[: count - 1], case.telling.spawn(count - 1), strict=True)
+    )
+    return SimulatedCase(given, recordings[count - 1], recordings[-count:])
 
 
 def _simulated(
@@ -154,7 +165,7 @@ def _simulated(
         case.robot,
         [case.references[index] for _, _, index in runs],
         [replace(options, effects=(*options.effects, *added)) for options, added, _ in runs],
-        case.nominal,
+        case.model,
         [case.streams[index] for _, _, index in runs],
         threads=1,
         beside=OUTSIDE,
@@ -213,6 +224,8 @@ def _told(recording: Recording, draw: Draw, stream: np.random.SeedSequence) -> R
     """The recording with the channels that this case logs, and nothing that only a simulation knows."""
     channels = draw.channels
     referenced = "reference" in channels
+    # Gains are told with the model that the drives have, which is not the one given with links alone.
+    is_known = referenced and not draw.links_alone
     controller = recording.controller
     assert controller is not None
     return Recording(
@@ -229,10 +242,29 @@ def _told(recording: Recording, draw: Draw, stream: np.random.SeedSequence) -> R
         reference_position=recording.reference_position if referenced else None,
         reference_velocity=recording.reference_velocity if referenced else None,
         reference_acceleration=recording.reference_acceleration if referenced else None,
-        controller=controller if referenced else Controller("unknown", controller.rate),
+        controller=controller if is_known else Controller("unknown", controller.rate),
         provenance={"created": CREATED},
         is_slide=recording.is_slide,
     )
+
+
+def _held(recording: Recording, share: float, stream: np.random.SeedSequence) -> Recording:
+    """The recording with this share of its samples, now and then, as the one before: late packets."""
+    late = np.random.default_rng(stream).random(len(recording.time)) < share
+    late[:1] = False
+    if not late.any():
+        return recording
+    last = np.maximum.accumulate(np.where(late, 0, np.arange(len(late))))
+    measured = ("position", "torque", "velocity", "torque_command", "temperature")
+    channels = {name: getattr(recording, name) for name in measured}
+    return replace(recording, **{name: each[last] for name, each in channels.items() if each is not None})
+
+
+def _links_alone(robot: Robot) -> Array:
+    """Standard parameters (14 n,) without friction and rotors."""
+    table = robot.parameters.reshape(-1, PER_JOINT).copy()
+    table[:, [ARMATURE, VISCOUS, COULOMB]] = 0.0
+    return table.ravel()
 
 
 def _velocity(recording: Recording) -> Array:
