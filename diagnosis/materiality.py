@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.parameters import COULOMB, PER_JOINT, VISCOUS
+from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 from testbench.effects.size import scale_of, typical_range
@@ -91,6 +91,8 @@ OF_THE_JOINT = (
     "thermal_friction_drift",
     "transmission_ripple",
     "joint_coupling",
+    "backlash",
+    "actuator_lag",
 )
 OBVIOUS = ((0.04, 0.5), (0.025, 0.8))
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
@@ -125,6 +127,9 @@ FARTHER = -2.0
 # The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the viscous
 # torque by this share, if mildly.
 BENDING, BENT = "nonlinear_viscous_friction", 0.1
+# A kilogram is much on a small arm: there a mild payload is this share of the last link, or of the heaviest's
+# hundredth where the model has next to nothing last.
+PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.6, 0.01
 # An effect's size is its first parameter, or the largest of these.
 SIZES: Mapping[str, tuple[str, ...]] = {
     "asymmetric_friction": ("offset", "viscous_difference"),
@@ -291,6 +296,9 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
     largest = 0.0
     for name in SIZES.get(family.effect, (description.parameters[0].name,)):
         mild, severe = typical_range(known[name], robot, family.joint)
+        if family.effect == PAYLOAD:
+            masses = robot.parameters.reshape(-1, PER_JOINT)[:, MASS]
+            mild = min(mild, OF_LAST_LINK * max(float(masses[-1]), OF_HEAVIEST * float(masses.max())))
         if family.joint is not None and known[name].unit == "N·m":
             least = RIPPLE_TORQUE if family.effect == RIPPLE else LEAST_SIZE
             mild = max(mild, least * float(torque_scale[family.joint]))

@@ -25,7 +25,7 @@ from .errors import InputError
 SYMBOLS = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M", "Ia", "fv", "fc", "off")
 PER_JOINT = len(SYMBOLS)
 INERTIAL = 10
-ARMATURE, VISCOUS, COULOMB, OFFSET = 10, 11, 12, 13
+MASS, ARMATURE, VISCOUS, COULOMB, OFFSET = 9, 10, 11, 12, 13
 
 GROUPS: dict[str, tuple[int, ...]] = {
     "inertial": tuple(range(INERTIAL)),

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis.attribution import attribute
 from diagnosis.candidates import candidates
 from diagnosis.evidence import fitted_to
 from diagnosis.ground import ground
@@ -19,12 +20,20 @@ from diagnosis.materiality import (
 )
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
-from identification.parameters import COULOMB
+from identification.parameters import COULOMB, MASS
 from testbench.effects import parse_injection
 from testbench.effects.size import scale_of
 
 from .diagnosed import simulated_runs
 from .small_arm import ARM, small_arm
+
+NOT_READ = (
+    "torque_command",
+    "reference_position",
+    "reference_velocity",
+    "reference_acceleration",
+    "velocity",
+)
 
 
 @pytest.mark.parametrize(("share", "is_named"), [(0.4, False), (1.0, True)])
@@ -116,3 +125,34 @@ def test_a_lag_of_less_than_a_share_of_a_sample_is_the_logs(tmp_path, samples, e
         key=lambda c: abs(quantities(slow, np.full(lag.count, c))["time_constant"].value - samples * 0.01),
     )
     assert is_beyond_healthy(arm, ground(prepared).torque_rms, slow, np.full(lag.count, wanted)) == expected
+
+
+@pytest.mark.parametrize(
+    ("last", "kilograms", "expected"), [(2.0, 0.2, False), (2.0, 0.6, True), (0.2, 0.15, True)]
+)
+def test_a_payload_is_one_for_the_arm_that_carries_it(tmp_path, last, kilograms, expected):
+    arm = small_arm(tmp_path, ARM.replace('mass="2"', f'mass="{last}"'))
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    (payload,) = candidates(prepared, only=["payload"])
+    coefficients = np.zeros(payload.count)
+    coefficients[MASS] = kilograms
+    torque = ground(prepared).torque_rms
+    assert is_beyond_healthy(arm, torque, payload, coefficients) == expected
+
+
+def test_a_lag_that_makes_most_of_a_joints_error_is_a_drives_however_slow_the_log(tmp_path):
+    arm = small_arm(tmp_path)
+    runs = simulated_runs(arm, [parse_injection(arm, "actuator_lag:shoulder:time_constant=0.0038")], runs=3)
+    slow = {
+        name: replace(
+            run,
+            sample_rate=run.sample_rate / 10,
+            time=run.time[::10],
+            **{field: getattr(run, field)[::10] for field in ("position", "torque")},
+            **dict.fromkeys(NOT_READ),
+        )
+        for name, run in runs.items()
+    }
+    found = attribute(prepare(arm, slow))
+    named = [(a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.named]
+    assert named == [("actuator_lag", 0)]
