@@ -71,6 +71,7 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
         "effective_samples": _number(estimate.effective_samples),
         "residual_tests": None if tests is None else _tests(tests),
         "dropped_p_value": None if result.essential is None else _number(result.essential.p_value),
+        "mended": result.mended,
         "runs": [
             {"name": run.name, "role": role, "torque_rms": _numbers(run.rms)}
             for role, runs in (("fit", result.fits), ("validation", result.validations))

@@ -139,6 +139,8 @@ def headline(result: IdentificationResult) -> str:
         parts.append(
             f"{known} of {count} base parameters are known to better than 10 % (one standard deviation)"
         )
+    if result.mended:
+        parts.append(f"{result.mended} samples of the logs were held or spoiled, and are interpolated")
     return ". ".join(parts) + "."
 
 

@@ -67,7 +67,10 @@ def identify_recordings(
     options: IdentificationOptions,
 ) -> IdentificationResult:
     """Identify recordings by name; the result has no comparison with a truth."""
-    fitted, validated = ({name: _mended(run) for name, run in runs.items()} for runs in (fitted, validated))
+    lost = {id(run): lost_samples(run) for runs in (fitted, validated) for run in runs.values()}
+    fitted, validated = (
+        {name: mended(run, lost[id(run)]) for name, run in runs.items()} for runs in (fitted, validated)
+    )
     found = identify(
         robot.chain,
         robot.parameters,
@@ -85,12 +88,8 @@ def identify_recordings(
         validation_recordings=tuple(validated.values()),
         residual_tests=found.residual_tests,
         essential=found.essential,
+        mended=sum(int(each.sum()) for each in lost.values()),
     )
-
-
-def _mended(recording: Recording) -> Recording:
-    """The recording with samples that were lost on the way interpolated."""
-    return mended(recording, lost_samples(recording))
 
 
 def _read(path: Path, robot: Robot, options: IdentificationOptions) -> Recording:

@@ -36,7 +36,8 @@ class IdentificationResult:
     robot: the model it was made with. estimate: parameters. fits, validations: how it predicts
     each run, in the order of fit_recordings and validation_recordings. comparison: with the truth,
     or None where it is unknown. residual_tests: of the torque residual of the fit runs. essential: the base
-    parameters that the data cannot do without. Both are None where the equations are not at hand.
+    parameters that the data cannot do without. Both are None where the equations are not at hand. mended: how
+    many samples of all logs were lost on the way, and are interpolated.
     """
 
     robot: Robot
@@ -48,6 +49,7 @@ class IdentificationResult:
     comparison: Comparison | None = None
     residual_tests: ResidualTests | None = None
     essential: EssentialParameters | None = None
+    mended: int = 0
 
     @property
     def needed(self) -> tuple[bool | None, ...]:

@@ -7,6 +7,9 @@ import pytest
 
 from diagnosis.attribution import attribute
 from diagnosis.preparation import prepare
+from identification.pipeline import IdentificationOptions
+from testbench.findings import headline
+from testbench.identify import identify_recordings
 from testbench.log import Recording
 from testbench.lost_samples import lost_samples, mended
 from testbench.robot import Robot
@@ -71,6 +74,17 @@ def test_a_healthy_robot_has_no_effect_for_it(arm, runs, spoil):
     found = attribute(prepared)
     assert not [a.candidate.family.effect for a in found.accepted if a.named]
     assert found.unknown == ()
+
+
+def test_identification_mends_them_and_says_so(arm, runs):
+    bad = {name: held(run, 7)[0] for name, run in runs.items()}
+    options = IdentificationOptions()
+    good, mended_ = (identify_recordings(arm, each, {}, options) for each in (runs, bad))
+    assert good.mended == 0
+    assert mended_.mended > 50
+    assert f"{mended_.mended} samples" in headline(mended_)
+    away = np.abs(mended_.estimate.values - good.estimate.values) / good.estimate.std
+    assert away.max() < 1.0
 
 
 def test_a_rest_is_not_lost(runs):
