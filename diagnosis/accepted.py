@@ -22,7 +22,8 @@ class Accepted:
     score: log-likelihood that it added. share: of some joint's held-out squared residual, the largest. worth:
     mean squares that it took off the joints' residuals, each by its own torque, summed. named: whether it is
     larger than on any healthy robot. is_certain: whether its size is known well enough for that. is_trace:
-    found by a trace that only shows beside every joint's imperfections.
+    found by a trace that only shows beside every joint's imperfections. is_everywhere: whether other joints
+    show as much of it, so that it has no name.
     """
 
     candidate: Candidate
@@ -34,6 +35,7 @@ class Accepted:
     named: bool = True
     is_certain: bool = True
     is_trace: bool = False
+    is_everywhere: bool = False
 
 
 def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:

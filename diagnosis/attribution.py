@@ -24,7 +24,14 @@ from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
 from .linearisation import RELINEARISED, first_linearised, linearised_anew
 from .materiality import is_material, with_friction
-from .naming import accepted_as, is_dwarfed, judged_again, told_apart_at_last, without_one
+from .naming import (
+    accepted_as,
+    is_dwarfed,
+    is_everywhere,
+    judged_again,
+    told_apart_at_last,
+    without_one,
+)
 from .near_rest import NearRest, lead_candidates, near_rest, soft_candidates, with_friction_near_rest
 from .observability import not_observable
 from .preparation import Prepared
@@ -139,7 +146,11 @@ def _grown(
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
     hidden = not_observable(sized, base.torque_rms, open_)
-    accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
+    everywhere = [a.named and is_everywhere(a, accepted, open_, last) for a in accepted]
+    accepted = [
+        replace(a, named=a.named and not (is_dwarfed(a, unknown, last) or alike), is_everywhere=alike)
+        for a, alike in zip(accepted, everywhere, strict=True)
+    ]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 

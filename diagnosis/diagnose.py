@@ -64,6 +64,9 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         not_observable=found.hidden,
         notes=tuple(_unclaimed_in_words(robot, item) for item in found.unknown),
         recurrence=recurrence(hypothesis, fitted),
+        everywhere=tuple(
+            (a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.is_everywhere
+        ),
     )
 
 
@@ -162,6 +165,8 @@ def _ranked(found: Attribution, verdict: str) -> tuple[RankedCandidate, ...]:
     for index, accepted in enumerate(found.accepted):
         family = accepted.candidate.family
         reason = "fitted, but no more than healthy robots have or a law's rest"
+        if accepted.is_everywhere:
+            reason = "fitted, but other joints show as much of it"
         if accepted.named:
             reason = "" if verdict == "effect" else "beside a larger gap that has no name"
         ranked.append(

@@ -162,8 +162,13 @@ class Normal:
 def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
     """Minimiser of x'Ax/2 - b'x within bounds; A (p, p) positive definite but for unknowns of no information.
 
-    Those, which these rows do not reach, are left at zero.
+    Those, which these rows do not reach, are left at zero. Where both bounds are one value, that is it.
     """
+    if np.any(fixed := lower >= upper):
+        found = np.where(fixed, lower, 0.0)
+        left = right[~fixed] - matrix[np.ix_(~fixed, fixed)] @ lower[fixed]
+        found[~fixed] = solve(matrix[np.ix_(~fixed, ~fixed)], left, lower[~fixed], upper[~fixed])
+        return found
     dead = np.diag(matrix) <= 0
     matrix = np.where(dead[:, None] | dead, 0.0, matrix)
     matrix[dead, dead] = 1.0
@@ -175,8 +180,7 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
         return free
     root = np.tril(factor[0])
     target = np.linalg.solve(root, scale * right)
-    found = lsq_linear(root.T, target, bounds=(lower / scale, upper / scale), method="bvls")
-    return scale * found.x
+    return scale * lsq_linear(root.T, target, bounds=(lower / scale, upper / scale), method="bvls").x
 
 
 def _factor(scaled: Array) -> tuple[Array, bool]:

@@ -133,7 +133,8 @@ class Diagnosis:
     parameters_only, final: (hypothesis, fit) after re-identification and with the effects.
     parameters: (14 n,) re-identified standard parameters of the final hypothesis; timing: s, the
     common torque delay that goes with them. not_observable: effects nothing of which would show.
-    recurrence: the push as one that every run has.
+    recurrence: the push as one that every run has. everywhere: effects fitted without a name, as other joints
+    show as much of them.
     """
 
     robot: Robot
@@ -151,6 +152,7 @@ class Diagnosis:
     not_observable: tuple[tuple[str, int | None], ...] = ()
     notes: tuple[str, ...] = field(default_factory=tuple)
     recurrence: Recurrence | None = None
+    everywhere: tuple[tuple[str, int | None], ...] = ()
 
     @property
     def mended(self) -> dict[str, int]:

@@ -46,26 +46,27 @@ class _Top:
 def flat_tops(prepared: Prepared, known: Sequence[int | None]) -> list[Candidate]:
     """A limit of each joint whose reported torque has a flat top; known: joints that have one already."""
     logged = [run.logged for run in prepared.runs]
-    limits = {joint: _limit(logged, joint) for joint in range(prepared.joints) if joint not in known}
+    step = np.max([run.torque_step for run in prepared.runs], axis=0)
+    limits = {j: _limit(logged, j, float(step[j])) for j in range(prepared.joints) if j not in known}
     return [_reported(prepared, joint, limit) for joint, limit in limits.items() if limit is not None]
 
 
-def _limit(runs: Sequence[Logged], joint: int) -> float | None:
-    """N·m, or None where nothing is cut off, or by a limit that the model has."""
+def _limit(runs: Sequence[Logged], joint: int, step: float) -> float | None:
+    """N·m, or None where nothing is cut off, or by a limit that the model has. step: N·m, of the log."""
     commands = [run.torque_command for run in runs if run.torque_command is not None]
     if len(commands) == len(runs):
-        level = _cut_off([r.tau[:, joint] for r in runs], [each[:, joint] for each in commands])
+        level = _cut_off([r.tau[:, joint] for r in runs], [each[:, joint] for each in commands], step)
     else:
-        top = _top([run.tau[:, joint] for run in runs])
+        top = _top([run.tau[:, joint] for run in runs], step)
         level = top.level if top is not None and _is_held_back(runs, joint, top) else None
     return level if level is not None and level <= OF_LIMIT * runs[0].limits.torque[joint] else None
 
 
-def _cut_off(torque: Sequence[Array], command: Sequence[Array]) -> float | None:
+def _cut_off(torque: Sequence[Array], command: Sequence[Array], step: float) -> float | None:
     """The level that torque stays at wherever far more was asked for; None where there is none."""
     size = np.abs(np.concatenate(torque))
     asked = np.sign(np.concatenate(torque)) * np.concatenate(command)
-    width = max(DEVIATIONS * _noise(torque), SMALLEST_WIDTH * float(size.max()))
+    width = max(DEVIATIONS * _noise(torque), SMALLEST_WIDTH * float(size.max()), step)
     short = asked - size > TIMES * width
     if np.sum(short) < FEWEST:
         return None
@@ -81,14 +82,14 @@ def _noise(torque: Sequence[Array]) -> float:
     return float(np.median(np.abs(differences)) / 0.6745 / np.sqrt(6))
 
 
-def _top(torque: Sequence[Array]) -> _Top | None:
+def _top(torque: Sequence[Array], step: float) -> _Top | None:
     """The level that is passed by chance only, if some run is far more often there than just below."""
     size = [np.abs(each) for each in torque]
     pooled = np.sort(np.concatenate(size))
     if len(pooled) < FEWEST or pooled[-1] == 0:
         return None
     highest = float(pooled[-LARGEST])
-    width = max(DEVIATIONS * _noise(torque), SMALLEST_WIDTH * highest)
+    width = max(DEVIATIONS * _noise(torque), SMALLEST_WIDTH * highest, step)
     level = float(np.median(pooled[np.abs(pooled - highest) < 2 * width]))
     inside = [np.abs(each - level) <= width for each in size]
     below = [np.abs(each - level + 2 * width) < width for each in size]

@@ -10,15 +10,16 @@ from .preparation import Prepared, blocks
 
 # A run is extrapolated to where that leaves no less than this share of the joint's torque.
 SEEN = 0.01
-# Then it is left out in so many parts; in two of many runs, for their number is what a fit costs.
-PARTS, MANY = 3, 6
+# Then it is left out in so many parts, by the number of runs: all folds together are what a fit costs.
+PARTS = {1: 12, 2: 6} | dict.fromkeys(range(3, 7), 3)
+PARTS_OF_MANY = 2
 
 
 def covered(prepared: Prepared) -> Prepared:
     """The runs with folds that the others foretell: joints may move in turn, or in one run alone be fast."""
     hypothesis, fitted = fitted_to(prepared, [])
     torque = ground(prepared).torque_rms
-    parts = PARTS if len(prepared.runs) <= MANY else 2
+    parts = PARTS.get(len(prepared.runs), PARTS_OF_MANY)
     folds: list[tuple[int, slice]] = []
     for index, run in enumerate(prepared.runs):
         own = [part for at, part in prepared.folds if at == index]

@@ -21,6 +21,16 @@ from .weighing import Stage
 
 # A rival of this probability explains it as well.
 AS_WELL = 0.25
+# What so many other joints show, each at this share of its torque, is how this robot's joints are, not what
+# one of them has: friction that bends one way or the other, bristles, teeth.
+SUCH_JOINTS, ALIKE = 2, 0.5
+OF_ALL_JOINTS = (
+    ("stribeck_friction", "nonlinear_viscous_friction"),
+    ("asymmetric_friction",),
+    ("load_dependent_friction",),
+    ("presliding_hysteresis",),
+    ("transmission_ripple",),
+)
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
 DWARFED = 0.02
 
@@ -127,6 +137,25 @@ def _judged_beside(
 def without_one(base: Ground, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
     """The hypothesis without one of its effects, fitted in full."""
     return fitted_to(base.prepared, [a.candidate for k, a in enumerate(accepted) if k != place])
+
+
+def is_everywhere(
+    item: Accepted, accepted: Sequence[Accepted], open_: Sequence[Weighed], last: Stage
+) -> bool:
+    """Whether other joints show as much of it. open_: what is not taken in. last: with all that is."""
+    own = item.candidate.family
+    alike = next((names for names in OF_ALL_JOINTS if own.effect in names), ())
+    least, joints = ALIKE * np.sqrt(item.worth), set()
+    for each in accepted:
+        if each.candidate.family.effect in alike and np.sqrt(each.worth) >= least:
+            joints.add(each.candidate.family.joint)
+    for other in open_:
+        joint = other.candidate.family.joint
+        if other.candidate.family.effect not in alike or other.score <= 0 or joint in joints:
+            continue
+        if last.removed(other.gain)[joint] >= least * last.ground.torque_rms[joint]:
+            joints.add(joint)
+    return len(joints - {own.joint}) >= SUCH_JOINTS
 
 
 def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> bool:

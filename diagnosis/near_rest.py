@@ -22,7 +22,7 @@ from testbench.effects.logged import Logged
 from testbench.effects.signature import Family, Member, single_joint
 
 from .candidates import Candidate, candidate
-from .evidence import standard_values
+from .evidence import fitted_to, standard_values
 from .generic import no_parameters
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import BRISTLES
@@ -40,6 +40,9 @@ GUESSED = (2.5, 1.5)
 SMALLEST_GAIN, SMALLEST_MISSING = 8.0, 0.3
 # And how much more than any effect of the joint it must explain: friction of real joints bends too.
 MORE = 1.3
+# Beside falling friction, which is near rest too, it must explain this share of what that does, either alone:
+# what a law leaves that is not quite the robot's looks soft as well.
+NEAR_REST, AS_MUCH = "stribeck_friction", 0.5
 # And the share of the joint's samples that must be left.
 FEWEST = 0.25
 # s: leads l that are tried, how far apart they are, and the widths that each is tried with.
@@ -149,7 +152,20 @@ def _soft(stage: Stage, least: Array, soft: Bank) -> dict[int, float]:
 
         return of_width
 
+    found = {joint: width for joint, width in found.items() if not _is_left(stage, joint, width)}
     return {joint: _likeliest(negative(joint), width, APART) for joint, width in found.items()}
+
+
+def _is_left(stage: Stage, joint: int, width: float) -> bool:
+    """Whether softness is only what a joint's falling friction leaves: it explains little without that."""
+    accepted = stage.hypothesis.accepted
+    falling = [c for c in accepted if c.family.effect == NEAR_REST and c.family.joint == joint]
+    if not falling:
+        return False
+    rest = [c for c in accepted if c is not falling[0]]
+    alone = Stage(stage.ground, *fitted_to(stage.prepared, rest))
+    soft, fall = alone.gain(_missing(stage.prepared, joint, width)), alone.gain(falling[0])
+    return fall is not None and (soft is None or gained(alone, soft) < AS_MUCH * gained(alone, fall))
 
 
 def _coulomb(stage: Stage) -> Array:

@@ -37,6 +37,8 @@ SMALLEST_RUN = 40
 # And it smears what was made up where samples are missing: between stamps this share of a cut-off period,
 # and so many steps, apart.
 LONGEST_STEP, STEPS = 0.15, 1.6
+# Of all that a torque moves; what is less is no step of it.
+ROUNDING = 1e-9
 # Where there are fewer runs, blocks of each stand in for them.
 FEWEST_FOLDS = 3
 
@@ -49,7 +51,7 @@ class Run:
     torque and columns alike. kept: (M,) indices of the decimated samples. time: (M,) s. q, dq, ddq: (M, n).
     torque: (M, n), rows: (M, n, 14 n) standard regressor, both filtered. used: (M, n) bool, away from rest.
     smear: (n,) samples at full rate that each filter spreads what is near rest over. lost: how many samples
-    of the log were held or spoiled, and are interpolated.
+    of the log were held or spoiled, and are interpolated. torque_step: (n,) N·m, that the log counts in.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Run:
     used: NDArray[np.bool_]
     smear: NDArray[np.int64]
     lost: int
+    torque_step: Array
 
     def away_from(self, joint: int, speed: float) -> NDArray[np.bool_]:
         """The samples (M,) not smeared with friction turning, at speeds up to this one, rad/s (m/s)."""
@@ -147,7 +150,10 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     widest = max(filter_cutoff(each.sample_rate) for each in motions.values())
     bands = joint_bands(robot, list(motions.values()), widest)
     runs = tuple(_run(robot, name, thin[name], motions[name], bands, stamps[name]) for name in thin)
-    runs = tuple(replace(run, lost=int(lost[run.name].sum())) for run in runs)
+    runs = tuple(
+        replace(run, lost=int(lost[run.name].sum()), torque_step=_step(recordings[run.name].torque))
+        for run in runs
+    )
     if not any(run.used.any() for run in runs):
         expected = f"some joint faster than {DEAD_ZONE} rad/s (m/s): these logs cannot tell"
         raise InputError("logs", "joint/position", expected, "all at rest, or too short a move")
@@ -233,10 +239,18 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         used=np.ones((len(kept), robot.joints), bool),
         smear=2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1,
         lost=0,
+        torque_step=np.zeros(robot.joints),
     )
     made_up = _between(stamps, logged.time, max(LONGEST_STEP / cutoff, STEPS / rate))
     used = [run.away_from(j, DEAD_ZONE) & run.apart_from(made_up, j) for j in range(robot.joints)]
     return replace(run, used=np.column_stack(used))
+
+
+def _step(torque: Array) -> Array:
+    """The smallest difference (n,) of two samples of a torque (N, n) in a row, rounding apart; 0 for none."""
+    steps = np.abs(np.diff(torque, axis=0))
+    least = np.min(steps, axis=0, where=steps > ROUNDING * np.ptp(torque, axis=0), initial=np.inf)
+    return np.where(np.isfinite(least), least, 0.0)
 
 
 def _between(stamps: Array, time: Array, longest: float) -> NDArray[np.bool_]:

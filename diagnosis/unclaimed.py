@@ -36,6 +36,9 @@ STANDING_OUT_TORQUE, STANDING_OUT, STANDING_OUT_LEFT, SPRING_LEFT = 0.03, 3.0, 0
 STRUCTURE, FITTED_STRUCTURE, SLOW = 0.04, 0.02, 0.5
 # Or is not noise because some part of the motion has so many times its share of it.
 DENSE = 2.0
+# What is less than this share of the step in which torque is logged is rounding, not white but a function of
+# the torque: 1 / sqrt(12), and a fifth more.
+QUANTISED = 0.35
 # A period counts from so many times the share that chance gives one.
 MORE_THAN_CHANCE = 2.0
 WORSE = 0.1
@@ -152,7 +155,8 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     stands_out &= (left > most) & (left < 1 + WORSE)
     structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & (left < 1 + WORSE)
     extrapolated = is_extrapolated(squares(last.fitted.residual), last.held_squares)
-    for joint in np.flatnonzero((unfit | stands_out | structured) & ~extrapolated).tolist():
+    counted = _rms(last) < QUANTISED * np.max([run.torque_step for run in last.prepared.runs], axis=0)
+    for joint in np.flatnonzero((unfit | stands_out | structured) & ~extrapolated & ~counted).tolist():
         slow, foretold = _slow(last, joint, last.fitted.held_out)
         _, fitted = _slow(last, joint, last.fitted.residual)
         is_large = unfit[joint] and noise[joint] > MISFIT_NOISE

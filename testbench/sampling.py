@@ -22,7 +22,8 @@ def on_grid(recording: Recording) -> Recording:
     grid = recording.time[0] + np.arange(count) / rate
     if np.max(np.abs(recording.time - grid)) <= GRID_TOLERANCE / rate:
         return recording
-    grid = np.arange(recording.time[0], recording.time[-1], 1 / rate)
+    # Steps of an arange drift where time is counted from 1970.
+    grid = recording.time[0] + np.arange(round((recording.time[-1] - recording.time[0]) * rate)) / rate
     channels: dict[str, Any] = {"time": grid}
     for _, field, _, _ in CHANNELS:
         values = getattr(recording, field)

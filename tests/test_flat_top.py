@@ -125,3 +125,13 @@ def test_a_limit_shows_by_its_command_where_the_torque_rises_to_it_slowly(arm, l
     (found,) = flat_tops(prepare(arm, runs), [])
     assert found.member.shape["limit"] == pytest.approx(limit, rel=0.002)
     assert flat_tops(prepare(arm, {n: replace(r, torque_command=None) for n, r in runs.items()}), []) == []
+
+
+@pytest.mark.parametrize("levels", [3.3, 7.4, 12.4])
+def test_the_steps_of_a_coarse_log_are_no_limit(arm, levels):
+    """A torque of few levels stays at the highest one while all else changes."""
+    runs, coarse = simulated_runs(arm, [], runs=3), {}
+    step = np.max([np.abs(run.torque).max(axis=0) for run in runs.values()], axis=0) / levels
+    for name, run in runs.items():
+        coarse[name] = replace(run, torque=step * np.round(run.torque / step), torque_command=None)
+    assert flat_tops(prepare(arm, coarse), []) == []

@@ -16,6 +16,7 @@ from .diagnosed import simulated_runs
 from .small_arm import small_arm
 
 NOISE = 0.02
+NOT_READ = ("torque_command", "reference_position", "reference_velocity", "reference_acceleration")
 
 
 @pytest.fixture
@@ -47,3 +48,18 @@ def test_a_run_of_a_joint_that_no_other_moves_is_left_out_in_parts(arm):
 def test_runs_that_move_everything_are_left_out_whole(arm):
     prepared = prepare(arm, simulated_runs(arm, [], runs=3))
     assert covered(prepared).folds == prepared.folds
+
+
+def test_of_a_single_run_in_which_joints_move_in_turn_short_parts_are_left_out(arm):
+    runs = list(_in_turn(arm).values())
+    position, torque = (
+        np.concatenate([getattr(run, name) for run in runs]) for name in ("position", "torque")
+    )
+    one = replace(
+        runs[0],
+        time=np.arange(len(position)) / runs[0].sample_rate,
+        position=position,
+        torque=torque,
+        **dict.fromkeys(NOT_READ),
+    )
+    assert len(covered(prepare(arm, {"run_1": one})).folds) == 12

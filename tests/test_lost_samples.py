@@ -110,3 +110,16 @@ def test_all_channels_of_a_log_with_straying_stamps_are_kept(runs):
     count = len(even.time)
     assert np.allclose(even.reference_velocity, run.reference_velocity[:count], atol=1e-3)
     assert np.allclose(even.reference_position, run.reference_position[:count], atol=1e-6)
+
+
+@pytest.mark.parametrize("since", [0.0, 1.7e9])
+def test_a_grid_does_not_drift_where_time_is_counted_from_1970(runs, since):
+    run = runs["run_1"]
+    rng = np.random.default_rng(2)
+    time = since + run.time + rng.uniform(-0.2, 0.2, len(run.time)) / run.sample_rate
+    even = on_grid(replace(run, time=time))
+    assert len(even.time) >= len(run.time) - 2
+    assert abs(even.time[-1] - even.time[0] - (len(even.time) - 1) / run.sample_rate) < 1e-6
+    assert on_grid(even) is even
+    assert even.torque_command is not None
+    assert even.torque_command.shape == even.position.shape

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from diagnosis.attribution import attribute
 from diagnosis.correction import corrected_model
@@ -121,3 +122,31 @@ def test_it_is_predicted_and_said_not_to_be_in_the_simulator(arm, tmp_path):
     level = arm.parameters.reshape(arm.joints, -1)[SHOULDER, COULOMB]
     # A jump would be off by half of the Coulomb friction and more there.
     assert np.sqrt(np.mean(left[slow] ** 2)) < 0.1 * level
+
+
+@pytest.mark.parametrize(("slower", "extra"), [(3, 1.0), (6, 1.0)])
+def test_what_steep_falling_friction_leaves_is_not_soft(arm, slower, extra):
+    """Exponent three, which no member has: what is left of it beside a Gaussian looks soft near rest."""
+    not_read = (
+        "torque_command",
+        "reference_position",
+        "reference_velocity",
+        "reference_acceleration",
+        "velocity",
+    )
+    runs = {}
+    for index, (name, run) in enumerate(simulated_runs(arm, [], runs=3, noise=0.0).items()):
+        time = np.arange(0.0, 3 * run.time[-1], 1 / run.sample_rate)
+        position = CubicSpline(slower * run.time[::20], run.position[::20])(time)
+        plain = replace(
+            run, time=time, position=position, torque=np.zeros_like(position), **dict.fromkeys(not_read)
+        )
+        along = logged_run(arm, plain, arm.parameters, 40.0)
+        torque, v = along.predicted.copy(), along.dq[:, SHOULDER]
+        torque[:, SHOULDER] += extra * np.exp(-((np.abs(v) / 0.12) ** 3)) * np.sign(v)
+        noise = np.random.default_rng(index).normal(0, 0.02, torque.shape)
+        runs[name] = replace(plain, torque=torque + noise)
+    found = attribute(prepare(arm, runs))
+    named = [(a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.named]
+    assert named == [("stribeck_friction", SHOULDER)]
+    assert not found.prepared.coulomb_smoothing.any()

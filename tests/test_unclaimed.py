@@ -72,3 +72,14 @@ def test_a_run_that_parameters_are_extrapolated_to_is_not_unknown(tmp_path, nois
     found, left = _unclaimed(arm, runs)
     assert left.max() > 0.1
     assert found == ()
+
+
+@pytest.mark.parametrize("levels", [24, 60])
+def test_the_rounding_of_a_coarse_log_is_not_unknown(tmp_path, levels):
+    arm = small_arm(tmp_path)
+    step = 2 * arm.limits.torque / levels
+    runs = simulated_runs(arm, [], runs=3)
+    coarse = {name: replace(run, torque=step * np.round(run.torque / step)) for name, run in runs.items()}
+    found, left = _unclaimed(arm, coarse)
+    assert left.max() > 0.02
+    assert found == ()

@@ -107,3 +107,18 @@ def test_an_unknown_that_no_row_is_left_of_stays_at_zero_whatever_rounding_says(
     matrix, free = np.diag([4.0, 2.0, -5e-9]), np.full(3, np.inf)
     matrix[0, 2] = matrix[2, 0] = 3.0
     assert solve(matrix, np.array([8.0, 2.0, 1.0]), -free, free) == pytest.approx([2.0, 1.0, 0.0])
+
+
+def test_an_unknown_whose_bounds_are_one_value_is_that_value():
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(6, 4))
+    matrix, right = root.T @ root, rng.normal(size=4)
+    lower = np.array([-np.inf, 0.5, 0.0, -np.inf])
+    upper = np.array([np.inf, 0.5, 0.0, 0.1])
+    found = solve(matrix, right, lower, upper)
+    assert found[1:3].tolist() == [0.5, 0.0]
+    # The gradient vanishes along what is free and not at a bound.
+    gradient = matrix @ found - right
+    assert abs(gradient[0]) < 1e-9
+    assert found[3] <= 0.1
+    assert gradient[3] <= 1e-9

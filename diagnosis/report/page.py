@@ -113,6 +113,7 @@ def render(
         notes=[
             *diagnosis.notes,
             *words.untold(diagnosis),
+            *words.everywhere(diagnosis),
             *words.mended(diagnosis),
             *words.recurrence(diagnosis),
             *words.near_rest(diagnosis),

@@ -33,6 +33,7 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
     if diagnosis.effects and diagnosis.notes:
         lines.append(_line("unknown", diagnosis.notes[0]))
     lines += [_line("untold", each) for each in words.untold(diagnosis)]
+    lines += [_line("alike", each) for each in words.everywhere(diagnosis)]
     lines += [_line("mended", each) for each in words.mended(diagnosis)]
     ambiguous = next((each for each in diagnosis.effects if each.confusable_with), None)
     if ambiguous is not None:

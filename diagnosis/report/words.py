@@ -98,6 +98,16 @@ def untold(diagnosis: Diagnosis) -> list[str]:
     return [f"Too little moves in these runs for a name at {', '.join(names)}."] if names else []
 
 
+def everywhere(diagnosis: Diagnosis) -> list[str]:
+    """What is fitted at some joints and has no name, since others show as much; nothing where nothing is."""
+    if not diagnosis.everywhere:
+        return []
+    told = [labelled(diagnosis.robot, name, joint, None) for name, joint in diagnosis.everywhere]
+    return [
+        f"No one joint's fault, since others show as much, but in the corrected model: {'; '.join(told)}."
+    ]
+
+
 def mended(diagnosis: Diagnosis) -> list[str]:
     """The samples that were lost on the way to the log; nothing where none were."""
     told = [f"{count} of {name}" for name, count in diagnosis.mended.items()]
