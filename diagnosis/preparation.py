@@ -142,18 +142,10 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     """
     if not recordings:
         raise InputError("diagnose", "logs", "at least one", 0)
-    lost = {name: lost_samples(recording) for name, recording in recordings.items()}
-    stamps = {name: recording.time[~lost[name]] for name, recording in recordings.items()}
-    thin = {name: thinned(mended(recording, lost[name])) for name, recording in recordings.items()}
-    thin = {name: on_grid(recording) for name, recording in thin.items()}
-    motions = {name: motion(recording) for name, recording in thin.items()}
-    widest = max(filter_cutoff(each.sample_rate) for each in motions.values())
-    bands = joint_bands(robot, list(motions.values()), widest)
-    runs = tuple(_run(robot, name, thin[name], motions[name], bands, stamps[name]) for name in thin)
-    runs = tuple(
-        replace(run, lost=int(lost[run.name].sum()), torque_step=_step(recordings[run.name].torque))
-        for run in runs
-    )
+    logs = [_log(name, recording) for name, recording in recordings.items()]
+    widest = max(filter_cutoff(log.motion.sample_rate) for log in logs)
+    bands = joint_bands(robot, [log.motion for log in logs], widest)
+    runs = tuple(_run(robot, log, bands) for log in logs)
     if not any(run.used.any() for run in runs):
         expected = f"some joint faster than {DEAD_ZONE} rad/s (m/s): these logs cannot tell"
         raise InputError("logs", "joint/position", expected, "all at rest, or too short a move")
@@ -185,11 +177,33 @@ def thinned(recording: Recording) -> Recording:
     return replace(recording, sample_rate=recording.sample_rate / count, **channels)
 
 
-def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Array, stamps: Array) -> Run:
-    """One run. recording: thinned, on a grid. raw: its motion. bands: (n,) Hz. stamps: (S,) s, none lost."""
-    rate = raw.sample_rate
+@dataclass(frozen=True)
+class _Log:
+    """A log before it is filtered.
+
+    recording: mended, thinned and on a grid; motion: its own. stamps: (S,) s of what was not lost.
+    lost, torque_step: as of ``Run``.
+    """
+
+    name: str
+    recording: Recording
+    motion: Motion
+    stamps: Array
+    lost: int
+    torque_step: Array
+
+
+def _log(name: str, recording: Recording) -> _Log:
+    lost = lost_samples(recording)
+    even = on_grid(thinned(mended(recording, lost)))
+    return _Log(name, even, motion(even), recording.time[~lost], int(lost.sum()), _step(recording.torque))
+
+
+def _run(robot: Robot, log: _Log, bands: Array) -> Run:
+    """One run filtered. bands: (n,) Hz."""
+    recording, rate = log.recording, log.motion.sample_rate
     cutoff = filter_cutoff(rate)
-    signals = differentiate(raw, "butterworth_central", POSITION_BAND * cutoff)
+    signals = differentiate(log.motion, "butterworth_central", POSITION_BAND * cutoff)
     samples = len(signals.q)
     cutoffs = np.minimum(bands, cutoff)
     filters = decimating_filters(rate, cutoffs)
@@ -197,7 +211,7 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
     if len(kept) < SMALLEST_RUN:
         needed = 2 * filters[0].reach + SMALLEST_RUN * filters[0].step
         lowest = float(cutoffs.min())
-        raise InputError(name, "time", f"at least {needed} samples for a {lowest:.3g} Hz filter", samples)
+        raise InputError(log.name, "time", f"at least {needed} samples for a {lowest:.3g} Hz filter", samples)
     body_rotation, body_origin = body_in_link(robot, robot.joints - 1)
     logged = Logged(
         chain=robot.chain,
@@ -226,7 +240,7 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         loaded = slice(PER_JOINT * joint, None)
         base[:, joint, loaded] = filters[joint](rows[:, joint, loaded])
     run = Run(
-        name=name,
+        name=log.name,
         logged=logged,
         filters=filters,
         kept=kept,
@@ -238,10 +252,10 @@ def _run(robot: Robot, name: str, recording: Recording, raw: Motion, bands: Arra
         rows=base,
         used=np.ones((len(kept), robot.joints), bool),
         smear=2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1,
-        lost=0,
-        torque_step=np.zeros(robot.joints),
+        lost=log.lost,
+        torque_step=log.torque_step,
     )
-    made_up = _between(stamps, logged.time, max(LONGEST_STEP / cutoff, STEPS / rate))
+    made_up = _between(log.stamps, logged.time, max(LONGEST_STEP / cutoff, STEPS / rate))
     used = [run.away_from(j, DEAD_ZONE) & run.apart_from(made_up, j) for j in range(robot.joints)]
     return replace(run, used=np.column_stack(used))
 

@@ -100,12 +100,12 @@ def untold(diagnosis: Diagnosis) -> list[str]:
 
 def everywhere(diagnosis: Diagnosis) -> list[str]:
     """What is fitted at some joints and has no name, since others show as much; nothing where nothing is."""
-    if not diagnosis.everywhere:
-        return []
-    told = [labelled(diagnosis.robot, name, joint, None) for name, joint in diagnosis.everywhere]
-    return [
-        f"No one joint's fault, since others show as much, but in the corrected model: {'; '.join(told)}."
-    ]
+    places: dict[str, list[str]] = {}
+    for name, joint in sorted(diagnosis.everywhere, key=str):
+        assert joint is not None
+        places.setdefault(name, []).append(diagnosis.robot.joint_names[joint])
+    told = "; ".join(f"{title(name)} ({', '.join(joints)})" for name, joints in places.items())
+    return [f"Fitted, but no one joint's fault, since others show as much: {told}."] if told else []
 
 
 def mended(diagnosis: Diagnosis) -> list[str]:
