@@ -123,3 +123,23 @@ def test_a_grid_does_not_drift_where_time_is_counted_from_1970(runs, since):
     assert on_grid(even) is even
     assert even.torque_command is not None
     assert even.torque_command.shape == even.position.shape
+
+
+@pytest.mark.parametrize("times", [4, 8])
+def test_a_reader_faster_than_the_robot_tells_as_much(arm, runs, times):
+    """Every sample of a 100 Hz robot some times over: nothing of it is lost."""
+    fast = {}
+    for name, run in runs.items():
+        kept = {
+            field: np.repeat(getattr(run, field)[::10], times, axis=0) for field in ("position", "torque")
+        }
+        count = len(kept["position"])
+        rate = run.sample_rate / 10 * times
+        unread = dict.fromkeys(("torque_command", "velocity", "reference_position"))
+        unread |= dict.fromkeys(("reference_velocity", "reference_acceleration"))
+        fast[name] = replace(run, sample_rate=rate, time=np.arange(count) / rate, **kept, **unread)
+    prepared = prepare(arm, fast)
+    assert np.mean([part.used.mean() for part in prepared.runs]) > 0.5
+    found = attribute(prepared)
+    assert not [a.candidate.family.effect for a in found.accepted if a.named]
+    assert found.unknown == ()
