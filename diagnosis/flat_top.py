@@ -46,7 +46,7 @@ class _Top:
 def flat_tops(prepared: Prepared, known: Sequence[int | None]) -> list[Candidate]:
     """A limit of each joint whose reported torque has a flat top; known: joints that have one already."""
     logged = [run.logged for run in prepared.runs]
-    step = np.max([run.torque_step for run in prepared.runs], axis=0)
+    step = prepared.torque_step
     limits = {j: _limit(logged, j, float(step[j])) for j in range(prepared.joints) if j not in known}
     return [_reported(prepared, joint, limit) for joint, limit in limits.items() if limit is not None]
 

@@ -25,7 +25,7 @@ from .candidates import Candidate, candidate
 from .evidence import fitted_to, standard_values
 from .generic import no_parameters
 from .likelihood import Weighed, gained, gained_by_shift
-from .materiality import BRISTLES
+from .materiality import BRISTLES, NEAR_REST
 from .preparation import DEAD_ZONE, Prepared
 from .weighing import Bank, Stage
 
@@ -42,7 +42,7 @@ SMALLEST_GAIN, SMALLEST_MISSING = 8.0, 0.3
 MORE = 1.3
 # Beside falling friction, which is near rest too, it must explain this share of what that does, either alone:
 # what a law leaves that is not quite the robot's looks soft as well.
-NEAR_REST, AS_MUCH = "stribeck_friction", 0.5
+AS_MUCH = 0.5
 # And the share of the joint's samples that must be left.
 FEWEST = 0.25
 # s: leads l that are tried, how far apart they are, and the widths that each is tried with.

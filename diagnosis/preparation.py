@@ -112,6 +112,11 @@ class Prepared:
         return self.runs[0].logged.coulomb_lead
 
     @property
+    def torque_step(self) -> Array:
+        """(n,) N·m, in which the coarsest log counts."""
+        return np.max([run.torque_step for run in self.runs], axis=0)
+
+    @property
     def nominal(self) -> Array:
         """(14 n,) standard parameters of the model as given."""
         return self.robot.parameters

@@ -155,7 +155,7 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     stands_out &= (left > most) & (left < 1 + WORSE)
     structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & (left < 1 + WORSE)
     extrapolated = is_extrapolated(squares(last.fitted.residual), last.held_squares)
-    counted = _rms(last) < QUANTISED * np.max([run.torque_step for run in last.prepared.runs], axis=0)
+    counted = _rms(last) < QUANTISED * last.prepared.torque_step
     for joint in np.flatnonzero((unfit | stands_out | structured) & ~extrapolated & ~counted).tolist():
         slow, foretold = _slow(last, joint, last.fitted.held_out)
         _, fitted = _slow(last, joint, last.fitted.residual)

@@ -33,6 +33,7 @@ from identification.signals import Motion
 
 from .log import Controller, Recording
 from .robot import Robot
+from .sampling import is_on_grid
 from .simulation import layout
 from .simulation.bare_model import bare_model
 from .simulation.batch import Loop, run_loops
@@ -51,8 +52,6 @@ LOOPS = 24
 NOISE_BAND, WHITE_SHARE = 80.0, 0.25
 # Of what is beyond the band, at least this share must be noise to be taken for it.
 NOISE_SHARE = 0.5
-# Time stamps that stray further from the grid than this share of a step are no grid.
-GRID_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -160,8 +159,7 @@ def _run(robot: Robot, recording: Recording) -> _Run:
         raise InputError("log", "controller", "a controller with its gains", kind, KINDS)
     reference = _reference(recording)
     rate = controller.rate
-    grid = recording.time[0] + np.arange(len(recording.time)) / rate
-    if np.max(np.abs(recording.time - grid)) > GRID_TOLERANCE / rate:
+    if not is_on_grid(recording.time, rate):
         got = f"{recording.sample_rate:g} Hz"
         raise InputError("log", "time", f"one sample a tick of the controller ({rate:g} Hz)", got)
     forward, at_rest = np.zeros_like(reference.position), np.zeros(robot.joints)

@@ -67,10 +67,8 @@ def identify_recordings(
     options: IdentificationOptions,
 ) -> IdentificationResult:
     """Identify recordings by name; the result has no comparison with a truth."""
-    lost = {id(run): lost_samples(run) for runs in (fitted, validated) for run in runs.values()}
-    fitted, validated = (
-        {name: mended(run, lost[id(run)]) for name, run in runs.items()} for runs in (fitted, validated)
-    )
+    fitted, of_fitted = _mended(fitted)
+    validated, of_validated = _mended(validated)
     found = identify(
         robot.chain,
         robot.parameters,
@@ -88,8 +86,15 @@ def identify_recordings(
         validation_recordings=tuple(validated.values()),
         residual_tests=found.residual_tests,
         essential=found.essential,
-        mended=sum(int(each.sum()) for each in lost.values()),
+        mended=of_fitted + of_validated,
     )
+
+
+def _mended(recordings: dict[str, Recording]) -> tuple[dict[str, Recording], int]:
+    """The recordings with samples that were lost on the way interpolated, and how many those are."""
+    lost = {name: lost_samples(recording) for name, recording in recordings.items()}
+    whole = {name: mended(recording, lost[name]) for name, recording in recordings.items()}
+    return whole, sum(int(each.sum()) for each in lost.values())
 
 
 def _read(path: Path, robot: Robot, options: IdentificationOptions) -> Recording:

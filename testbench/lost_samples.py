@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
 from .log import CHANNELS, REQUIRED, Recording
+from .sampling import SMOOTH, interpolated
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -42,8 +42,7 @@ def mended(recording: Recording, lost: Mask) -> Recording:
     for _, field, _, _ in CHANNELS:
         values = getattr(recording, field)
         if values is not None:
-            cubic = field in ("position", "reference_position")
-            channels[field] = _filled(recording.time, values, lost, cubic)
+            channels[field] = _filled(recording.time, values, lost, field in SMOOTH)
     return replace(recording, **channels)
 
 
@@ -90,7 +89,7 @@ def _alone(time: Array, values: Array, least: float) -> Mask:
                 found[near] |= bad
                 break
             bad[np.argmax(left)] = True
-            here = _filled(time[near], values[near, None], bad, cubic=True)[:, 0]
+            here = _filled(time[near], values[near, None], bad, is_smooth=True)[:, 0]
     return found
 
 
@@ -123,13 +122,11 @@ def _usual(off: Array) -> Array:
     return largest[np.minimum(np.arange(len(off)) // size, count - 1)]
 
 
-def _filled(time: Array, values: Array, lost: Mask, cubic: bool) -> Array:
-    """Values (N, n) with the lost ones interpolated."""
+def _filled(time: Array, values: Array, lost: Mask, is_smooth: bool) -> Array:
+    """Values (N, n) with the lost ones interpolated; by a curve where enough others are left for one."""
     good, out = ~lost, values.copy()
-    if cubic and np.count_nonzero(good) > 3:
-        out[lost] = CubicSpline(time[good], values[good])(time[lost])
-    else:
-        out[lost] = np.column_stack([np.interp(time[lost], time[good], column[good]) for column in values.T])
+    is_curve = is_smooth and int(np.count_nonzero(good)) > 3
+    out[lost] = interpolated(time[good], values[good], time[lost], is_curve)
     return out
 
 

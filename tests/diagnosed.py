@@ -1,6 +1,7 @@
 """Diagnoses with known answers, put together from a simulated arm without searching for the answer."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,14 @@ from testbench.robot import Robot
 from testbench.simulation import SensorOptions, SimulationOptions, sample_reference, simulate
 
 RATE = 1000.0
+NOT_READ = (
+    "velocity",
+    "torque_command",
+    "temperature",
+    "reference_position",
+    "reference_velocity",
+    "reference_acceleration",
+)
 
 
 def simulated_runs(
@@ -37,6 +46,11 @@ def simulated_runs(
     )
     recordings = simulate(robot, references, options, seed=seed)
     return {f"run_{index + 1}": recording for index, recording in enumerate(recordings)}
+
+
+def measured_only(run: Recording) -> Recording:
+    """The run with position and torque alone."""
+    return replace(run, **dict.fromkeys(NOT_READ))
 
 
 def diagnosed(

@@ -14,7 +14,7 @@ from identification.inverse_dynamics import inverse_dynamics
 from testbench.effects import parse_injection
 from testbench.log import Recording
 from testbench.robot import Robot
-from tests.diagnosed import simulated_runs
+from tests.diagnosed import measured_only, simulated_runs
 from tests.small_arm import small_arm
 
 SHARE = 0.04
@@ -85,10 +85,7 @@ def test_friction_of_a_steady_sweep_is_no_limit(arm):
     torque = inverse_dynamics(arm.chain, arm.parameters, q, dq, ddq)
     torque += np.random.default_rng(2).normal(0, 0.01, torque.shape)
     (run,) = simulated_runs(arm, [], runs=1).values()
-    nothing = dict.fromkeys(
-        ("torque_command", "reference_position", "reference_velocity", "reference_acceleration")
-    )
-    prepared = prepare(arm, {"sweep": replace(run, time=time, position=q, torque=torque, **nothing)})
+    prepared = prepare(arm, {"sweep": replace(measured_only(run), time=time, position=q, torque=torque)})
     assert flat_tops(prepared, []) == []
     # Of the same torque nothing but the motion tells: had gravity changed on the way, it would be a limit.
     lifted = replace(prepared.runs[0].logged, q=prepared.runs[0].logged.q + np.array([0.8, 0.0]))

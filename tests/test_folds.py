@@ -12,11 +12,10 @@ from testbench.effects.logged import logged_run
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .diagnosed import simulated_runs
+from .diagnosed import measured_only, simulated_runs
 from .small_arm import small_arm
 
 NOISE = 0.02
-NOT_READ = ("torque_command", "reference_position", "reference_velocity", "reference_acceleration")
 
 
 @pytest.fixture
@@ -56,10 +55,9 @@ def test_of_a_single_run_in_which_joints_move_in_turn_short_parts_are_left_out(a
         np.concatenate([getattr(run, name) for run in runs]) for name in ("position", "torque")
     )
     one = replace(
-        runs[0],
+        measured_only(runs[0]),
         time=np.arange(len(position)) / runs[0].sample_rate,
         position=position,
         torque=torque,
-        **dict.fromkeys(NOT_READ),
     )
     assert len(covered(prepare(arm, {"run_1": one})).folds) == 12

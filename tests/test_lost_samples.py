@@ -15,7 +15,7 @@ from testbench.lost_samples import lost_samples, mended
 from testbench.robot import Robot
 from testbench.sampling import on_grid
 
-from .diagnosed import simulated_runs
+from .diagnosed import measured_only, simulated_runs
 from .small_arm import small_arm
 
 
@@ -135,9 +135,8 @@ def test_a_reader_faster_than_the_robot_tells_as_much(arm, runs, times):
         }
         count = len(kept["position"])
         rate = run.sample_rate / 10 * times
-        unread = dict.fromkeys(("torque_command", "velocity", "reference_position"))
-        unread |= dict.fromkeys(("reference_velocity", "reference_acceleration"))
-        fast[name] = replace(run, sample_rate=rate, time=np.arange(count) / rate, **kept, **unread)
+        time = np.arange(count) / rate
+        fast[name] = replace(measured_only(run), sample_rate=rate, time=time, **kept)
     prepared = prepare(arm, fast)
     assert np.mean([part.used.mean() for part in prepared.runs]) > 0.5
     found = attribute(prepared)

@@ -24,16 +24,8 @@ from identification.parameters import COULOMB, MASS
 from testbench.effects import parse_injection
 from testbench.effects.size import scale_of
 
-from .diagnosed import simulated_runs
+from .diagnosed import measured_only, simulated_runs
 from .small_arm import ARM, small_arm
-
-NOT_READ = (
-    "torque_command",
-    "reference_position",
-    "reference_velocity",
-    "reference_acceleration",
-    "velocity",
-)
 
 
 @pytest.mark.parametrize(("share", "is_named"), [(0.4, False), (1.0, True)])
@@ -145,11 +137,10 @@ def test_a_lag_that_makes_most_of_a_joints_error_is_a_drives_however_slow_the_lo
     runs = simulated_runs(arm, [parse_injection(arm, "actuator_lag:shoulder:time_constant=0.0038")], runs=3)
     slow = {
         name: replace(
-            run,
+            measured_only(run),
             sample_rate=run.sample_rate / 10,
             time=run.time[::10],
             **{field: getattr(run, field)[::10] for field in ("position", "torque")},
-            **dict.fromkeys(NOT_READ),
         )
         for name, run in runs.items()
     }

@@ -29,7 +29,7 @@ from testbench.effects.logged import logged_run
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .diagnosed import simulated_runs
+from .diagnosed import measured_only, simulated_runs
 from .small_arm import small_arm
 
 WIDTH, SHOULDER, NOISE = 0.08, 0, 0.01
@@ -127,20 +127,12 @@ def test_it_is_predicted_and_said_not_to_be_in_the_simulator(arm, tmp_path):
 @pytest.mark.parametrize(("slower", "extra"), [(3, 1.0), (6, 1.0)])
 def test_what_steep_falling_friction_leaves_is_not_soft(arm, slower, extra):
     """Exponent three, which no member has: what is left of it beside a Gaussian looks soft near rest."""
-    not_read = (
-        "torque_command",
-        "reference_position",
-        "reference_velocity",
-        "reference_acceleration",
-        "velocity",
-    )
     runs = {}
     for index, (name, run) in enumerate(simulated_runs(arm, [], runs=3, noise=0.0).items()):
         time = np.arange(0.0, 3 * run.time[-1], 1 / run.sample_rate)
         position = CubicSpline(slower * run.time[::20], run.position[::20])(time)
-        plain = replace(
-            run, time=time, position=position, torque=np.zeros_like(position), **dict.fromkeys(not_read)
-        )
+        zero = np.zeros_like(position)
+        plain = replace(measured_only(run), time=time, position=position, torque=zero)
         along = logged_run(arm, plain, arm.parameters, 40.0)
         torque, v = along.predicted.copy(), along.dq[:, SHOULDER]
         torque[:, SHOULDER] += extra * np.exp(-((np.abs(v) / 0.12) ** 3)) * np.sign(v)

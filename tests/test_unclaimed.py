@@ -16,17 +16,10 @@ from identification.parameters import ARMATURE
 from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run
 
-from .diagnosed import simulated_runs
+from .diagnosed import measured_only, simulated_runs
 from .small_arm import small_arm
 
 SLOWER = 20
-NOT_READ = (
-    "torque_command",
-    "reference_position",
-    "reference_velocity",
-    "reference_acceleration",
-    "velocity",
-)
 
 
 def _unclaimed(arm, runs):
@@ -65,7 +58,7 @@ def test_a_run_that_parameters_are_extrapolated_to_is_not_unknown(tmp_path, nois
         slow.append(replace(run, position=position))
     runs = {}
     for index, run in enumerate([fast, *slow]):
-        plain = replace(run, **dict.fromkeys(NOT_READ))
+        plain = measured_only(run)
         along = logged_run(arm, plain, heavier.ravel(), 40.0)
         rng = np.random.default_rng(index)
         runs[f"run_{index}"] = replace(plain, torque=along.predicted + rng.normal(0, noise, along.q.shape))

@@ -97,7 +97,8 @@ def planned_case(
     robot = robot_of(section.model)
     if section.error > 0:
         robot = nominal_model(robot, ModelError().scaled(section.error), true, scratch / "robot.xml")
-    model = given = nominal_model(robot, ModelError().scaled(draw.nominal), wrong, nominal)
+    known = scratch / "known.xml" if draw.links_alone else nominal
+    model = given = nominal_model(robot, ModelError().scaled(draw.nominal), wrong, known)
     if draw.links_alone:
         write_model(model, _links_alone(model), nominal)
         given = load_robot(nominal)
