@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from testbench.effects import effects
-from testbench.effects.signature import Family, Member, over_all_joints, places
+from testbench.effects.signature import Family, Member, Quantity, over_all_joints, places, single_joint
 
 from .preparation import Prepared
 
@@ -87,6 +87,30 @@ def candidate(prepared: Prepared, family: Family, member: Member) -> Candidate:
     return Candidate(family, member, tuple(filtered), prepared.joints, sample_time)
 
 
+def without_law(
+    prepared: Prepared,
+    name: str,
+    joint: int,
+    columns: Sequence[Array],
+    lower: Array,
+    shape: dict[str, float],
+) -> Candidate:
+    """Functions of the motion on a joint's torque, a run (N, k), under no law of the catalogue.
+
+    lower: (k,) bounds of the coefficients. Only the filtered columns are kept.
+    """
+    at_full_rate = Member(
+        dict(shape or {}), (joint,), single_joint(columns), lower, np.full(len(lower), np.inf)
+    )
+    kept = replace(at_full_rate, columns=())
+    filtered = candidate(prepared, Family(name, joint, (kept,), _no_parameters), at_full_rate)
+    return replace(filtered, member=kept)
+
+
+def _no_parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+    return {}
+
+
 def candidates(
     prepared: Prepared, without: Sequence[str] = (), only: Sequence[str] | None = None
 ) -> list[Candidate]:
@@ -106,7 +130,11 @@ def in_parallel(prepared: Prepared, families: Sequence[Callable[[], Family]]) ->
 
     def members(family: Callable[[], Family]) -> list[Candidate]:
         made = family()
-        return [candidate(prepared, made, member) for member in made.members]
+        kept = made.on_demand()
+        return [
+            replace(candidate(prepared, kept, member), member=light)
+            for member, light in zip(made.members, kept.members, strict=True)
+        ]
 
     with ThreadPoolExecutor() as pool:
         return [each for found in pool.map(members, families) for each in found]

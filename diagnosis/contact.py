@@ -32,6 +32,8 @@ FITTED = 0.5
 SHORTEST = 0.15
 # Log-likelihood that a push must add beyond the price of its coefficients.
 SMALLEST_GAIN = 7.5
+# What by the weights of the hypothesis before gains less than this share of the most is not fitted in full.
+WORTH_A_FIT = 0.5
 # So many links from the last one on whose joint is seen to be loaded are considered.
 LINKS = 4
 # A push at random has no arm about a joint in between, to what can be seen, about once in ten: prior odds of
@@ -84,25 +86,32 @@ def contact(
     return first, tuple((weighed, share) for share, (weighed, _) in ordered[1:]), trial
 
 
-def explains_all_bursts(stage: Stage, pushed: Fit) -> bool:
-    """Whether a push explains all that is left in bursts, at two joints or more.
+def is_in_bursts_at_several(stage: Stage) -> bool:
+    """Whether what is left is in bursts at two joints or more: hardly anything but a push explains that.
 
-    Hardly anything else would; at one joint anything that passes quickly does.
+    At one joint, anything that passes quickly does.
     """
+    return len(_in_bursts(stage)) > 1
+
+
+def explains_all_bursts(stage: Stage, pushed: Fit) -> bool:
+    """Whether a push explains all that is left in bursts."""
     bursts = list(_in_bursts(stage))
     left = squares(pushed.residual) / np.maximum(squares(stage.fitted.residual), 1e-300)
-    return len(bursts) > 1 and bool(np.all(left[bursts] < 1 - SMALLEST_SHARE))
+    return bool(np.all(left[bursts] < 1 - SMALLEST_SHARE))
 
 
 def _of_each_load(stage: Stage, bank: Bank) -> list[Gain]:
-    """The likeliest profile of each kind of load on each link."""
+    """The likeliest profile of each kind of load on each link, where it comes near the likeliest of all."""
     best: dict[tuple[Place, float], Gain] = {}
     for gain in stage.gains(bank):
         if gain is not None:
             load = gain.candidate.place, gain.candidate.member.shape["kind"]
             if load not in best or gain.objective > best[load].objective:
                 best[load] = gain
-    return list(best.values())
+    worth = {load: 0.5 * gain.objective - gain.candidate.count for load, gain in best.items()}
+    least = WORTH_A_FIT * max(worth.values(), default=0.0)
+    return [gain for load, gain in best.items() if worth[load] >= least]
 
 
 def _with_bursts(

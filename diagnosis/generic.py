@@ -10,9 +10,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from testbench.effects.signature import Family, Logged, Member, Quantity, single_joint
+from testbench.effects.logged import Logged
 
-from .candidates import FREE, Candidate, candidate
+from .candidates import FREE, Candidate, without_law
 from .preparation import Prepared
 
 Array = NDArray[np.float64]
@@ -34,15 +34,8 @@ def generic_candidates(prepared: Prepared) -> list[Candidate]:
             k = columns[0].shape[1]
             if k == 0:
                 continue
-            member = Member({}, (joint,), single_joint(columns), np.full(k, -np.inf), np.full(k, np.inf))
-            family = Family(f"{FREE}{regime}", joint, (member,), no_parameters)
-            found.append(candidate(prepared, family, member))
+            found.append(without_law(prepared, f"{FREE}{regime}", joint, columns, np.full(k, -np.inf), {}))
     return found
-
-
-def no_parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
-    """Of what has no law in the catalogue."""
-    return {}
 
 
 def _columns(run: Logged, joint: int, regime: str, runs: Sequence[Logged]) -> Array:

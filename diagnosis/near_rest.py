@@ -19,11 +19,9 @@ from scipy.optimize import minimize_scalar
 
 from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects.logged import Logged
-from testbench.effects.signature import Family, Member, single_joint
 
-from .candidates import Candidate, candidate
+from .candidates import Candidate, without_law
 from .evidence import fitted_to, standard_values
-from .generic import no_parameters
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import BRISTLES, NEAR_REST
 from .preparation import DEAD_ZONE, Prepared
@@ -242,5 +240,4 @@ def _changed(
 ) -> Candidate:
     """A share (N,) of a joint's Coulomb friction in place of the sign that the friction turns with."""
     columns = [(turned(run.logged) - np.sign(run.logged.turning[:, joint]))[:, None] for run in prepared.runs]
-    member = Member(shape, (joint,), single_joint(columns), np.zeros(1), np.full(1, np.inf))
-    return candidate(prepared, Family("friction near rest", joint, (member,), no_parameters), member)
+    return without_law(prepared, "friction near rest", joint, columns, np.zeros(1), shape)

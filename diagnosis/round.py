@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 
 from testbench.robot import Robot
 
 from .candidates import EVENT, SATURATION
-from .contact import contact, explains_all_bursts
+from .contact import contact, explains_all_bursts, is_in_bursts_at_several
 from .evidence import Design, Fit
 from .likelihood import Weighed, weigh
 from .materiality import SMALLEST_WALD, is_beyond_healthy, is_material, is_plausible
@@ -88,25 +89,27 @@ class Search:
         weighed: of ``open``. free: candidates of generic.py.
         """
         most = weighed[0].score if weighed else 0.0
-        pushed = self.push(stage, free)
+        # It takes longer than all else: sought where something comes of it, and once.
+        push = cache(partial(self.push, stage, free))
         material = [w for w in weighed if is_material(self.sized, stage, w, w.score >= AS_MUCH * most)]
         clipped = None if SATURATION in self.without else saturation(stage, free, self.limits)
         limit = 0.0 if clipped is None else clipped.score
         largest = max((w.score for w in material), default=0.0)
         if (
-            pushed is not None
+            is_in_bursts_at_several(stage)
+            and (pushed := push()) is not None
             and pushed.best.score > FAR_MORE * max(largest, limit)
             and explains_all_bursts(stage, pushed.trial[1])
         ):
             return pushed
         if clipped is not None and limit > largest:
             # Who withstands a push asks for torque as long as it lasts.
-            if pushed is not None and _is_likelier_there(pushed.best, clipped):
+            if (pushed := push()) is not None and _is_likelier_there(pushed.best, clipped):
                 return pushed
             return Found(clipped, (), stage.with_effects([clipped.candidate]))
         if material and (chosen := choose(self.sized, stage, material, weighed)) is not None:
             return Found(*chosen)
-        if pushed is not None:
+        if (pushed := push()) is not None:
             return pushed
         if unclaimed(self.first, stage, free):
             # What has no name leaves traces of all kinds.

@@ -14,7 +14,9 @@ pair or None.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +47,7 @@ class Member:
 
     shape: dict[str, float]
     rows: tuple[int, ...]
-    columns: tuple[Array, ...]
+    columns: Sequence[Array]
     lower: Array
     upper: Array
     law: str | None = None
@@ -58,6 +60,27 @@ class Member:
     def spread(self, run: int, joints: int) -> Array:
         """The columns of one run over all joints, (N, n, k); zero where the effect does not reach."""
         return over_all_joints(self.columns[run], self.rows, joints)
+
+
+class ColumnsOnDemand(Sequence[Array]):
+    """A member's columns, made when they are first read."""
+
+    def __init__(self, member: Callable[[], Member]):
+        self._member = member
+
+    @cached_property
+    def _made(self) -> Sequence[Array]:
+        return self._member().columns
+
+    @overload
+    def __getitem__(self, run: int) -> Array: ...
+    @overload
+    def __getitem__(self, run: slice) -> Sequence[Array]: ...
+    def __getitem__(self, run: int | slice) -> Array | Sequence[Array]:
+        return self._made[run]
+
+    def __len__(self) -> int:
+        return len(self._made)
 
 
 def over_all_joints(columns: Array, rows: Sequence[int], joints: int) -> Array:
@@ -96,6 +119,19 @@ class Family:
         if self.member is not None and shape:
             return self.member(shape)
         return next((member for member in self.members if member.shape == shape), None)
+
+    def on_demand(self) -> "Family":
+        """The same, with the columns of refined shapes made when they are read: of all they fill a memory."""
+        make = self.member
+        if make is None or not self.refine:
+            return self
+        members = (
+            replace(member, columns=ColumnsOnDemand(partial(make, member.shape)))
+            if self.refine.keys() <= member.shape.keys()
+            else member
+            for member in self.members
+        )
+        return replace(self, members=tuple(members))
 
 
 def grid_family(

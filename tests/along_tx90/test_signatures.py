@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbench.effects import effect
-from testbench.effects.signature import amplitude_and_phase
+from testbench.effects import effect, effects
+from testbench.effects.signature import ColumnsOnDemand, amplitude_and_phase, places
 
 NAMES = (
     "torque_gain_error",
@@ -30,6 +30,19 @@ def test_every_signature_fits_its_runs_and_two_of_them_together(exact):
             assert [c.shape for c in member.columns] == [(exact.samples, len(member.rows), member.count)] * 2
             assert (member.lower <= member.upper).all()
             assert all(np.isfinite(columns).all() for columns in member.columns)
+
+
+def test_columns_made_on_demand_are_those_of_the_grid(exact):
+    runs, deferred = [replace(exact, torque_command=exact.tau)], set()
+    for name, each in effects().items():
+        joint, into = places(each.DESCRIPTION, exact.chain.is_slide)[-1]
+        family = each.signature(runs, joint, into)
+        for member, again in zip(family.members, family.on_demand().members, strict=True):
+            if isinstance(again.columns, ColumnsOnDemand):
+                deferred.add(name)
+            for one, other in zip(member.columns, again.columns, strict=True):
+                np.testing.assert_array_equal(one, other)
+    assert {"backlash", "joint_elasticity", "gravity_spring", "transmission_ripple"} <= deferred
 
 
 def test_amplitude_and_phase_have_first_order_deviations():
