@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.kinematics import kernel
-
 from ..robot import Robot
 from .action import (
     LOAD,
@@ -50,9 +48,12 @@ SECOND_HARMONIC = 0.3
 FULL_LOAD, UNLOADED = 0.2, 0.5
 HARMONIC, SECOND, MODULATED = range(3)
 
-# Cycles a revolution; what is slower is a spring's business.
-LOWEST, HIGHEST = 5.0, 150.0
+# Cycles a revolution, or in 2 pi metres; what is slower is a spring's business. A strain wave gear's wave
+# generator has two a turn of the motor, a ball screw one a lead of some millimetres.
+LOWEST, HIGHEST, HIGHEST_OF_SLIDE = 5.0, 400.0, 1500.0
 PEAKS = 4
+# Of the position, within the shortest cycle.
+CELLS = 10
 # Slower than this share of its greatest speed a joint shows no ripple, only friction's reversal.
 MOVING = 0.05
 PERIODOGRAM_RATE = 200.0
@@ -105,8 +106,12 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     members = tuple(member({"cycles": cycles}) for cycles in found)
     bounds = (max(LOWEST, found.min() - resolution), found.max() + resolution)
     # The grid's spacing is a quarter of the resolution.
-    tried = round((HIGHEST - LOWEST) / (4 * resolution))
+    tried = round((_highest(runs, joint) - LOWEST) / (4 * resolution))
     return Family(DESCRIPTION.name, joint, members, parameters, {"cycles": bounds}, member, picked_from=tried)
+
+
+def _highest(runs: Sequence[Logged], joint: int) -> float:
+    return HIGHEST_OF_SLIDE if runs[0].chain.is_slide[joint] else HIGHEST
 
 
 def periodogram_peaks(runs: Sequence[Logged], joint: int) -> tuple[Array, float]:
@@ -126,30 +131,27 @@ def periodogram_peaks(runs: Sequence[Logged], joint: int) -> tuple[Array, float]
     angle, residual = np.concatenate(angles), np.concatenate(residuals)
     travelled = float(np.ptp(angle)) if angle.size else 0.0
     spacing = float(np.clip(np.pi / (2 * max(travelled, 1e-9)), 0.05, 2.0))
-    cycles = np.arange(LOWEST, HIGHEST, spacing)
-    power = np.empty(cycles.size)
-    _periodogram(angle, residual, LOWEST, spacing, power)
+    cycles, power = _periodogram(angle, residual, spacing, _highest(runs, joint))
     inner = power[1:-1]
     tops = 1 + np.flatnonzero((inner >= power[:-2]) & (inner > power[2:]))
     if not tops.size:
         tops = np.array([int(np.argmax(power))])
     best = tops[np.argsort(power[tops])[::-1][:PEAKS]]
-    return cycles[np.sort(best)], spacing
+    return np.maximum(cycles[np.sort(best)], LOWEST), spacing
 
 
-@kernel
-def _periodogram(angle: Array, residual: Array, first: float, spacing: float, power: Array) -> None:
-    """power (k,): |sum residual exp(i cycles angle)|² at equally spaced cycles."""
-    real, imaginary = np.zeros(power.size), np.zeros(power.size)
-    for t in range(angle.size):
-        c, s = np.cos(first * angle[t]), np.sin(first * angle[t])
-        turn_c, turn_s = np.cos(spacing * angle[t]), np.sin(spacing * angle[t])
-        for k in range(power.size):
-            real[k] += residual[t] * c
-            imaginary[k] += residual[t] * s
-            c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
-    for k in range(power.size):
-        power[k] = real[k] * real[k] + imaginary[k] * imaginary[k]
+def _periodogram(angle: Array, residual: Array, spacing: float, highest: float) -> tuple[Array, Array]:
+    """Cycles (k,) from just below LOWEST on, no further apart, and |sum residual exp(i cycles angle)|² there.
+
+    By the Fourier transform of the residual's sums over narrow cells of the position.
+    """
+    width = 2 * np.pi / (CELLS * highest)
+    count = max(int(np.ceil(2 * np.pi / (spacing * width))), 1)
+    place = ((angle - angle.min(initial=np.inf)) / width).astype(np.int64) % count
+    power = np.square(np.abs(np.fft.rfft(np.bincount(place, residual, count))))
+    cycles = float(2 * np.pi / (count * width)) * np.arange(power.size, dtype=np.float64)
+    wanted = (cycles >= LOWEST - 2 * spacing) & (cycles < highest)
+    return cycles[wanted], power[wanted]
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
