@@ -20,10 +20,11 @@ class Accepted:
     """An effect taken in, with the rivals it was preferred to at its stage and their probabilities.
 
     score: log-likelihood that it added. share: of some joint's held-out squared residual, the largest. worth:
-    mean squares that it took off the joints' residuals, each by its own torque, summed. named: whether it is
-    larger than on any healthy robot. is_certain: whether its size is known well enough for that. is_trace:
-    found by a trace that only shows beside every joint's imperfections. is_everywhere: whether other joints
-    show as much of it, so that it has no name.
+    mean squares that it took off the joints' residuals, each by its own torque, summed. shift: log-likelihood
+    of the parameters' shift that it spares. named: whether it is larger than on any healthy robot.
+    is_certain: whether its size is known well enough for that. is_trace: found by a trace that only shows
+    beside every joint's imperfections. is_everywhere: whether other joints are about as imperfect, so that it
+    has no name.
     """
 
     candidate: Candidate
@@ -32,6 +33,7 @@ class Accepted:
     score: float
     share: float
     worth: float
+    shift: float = 0.0
     named: bool = True
     is_certain: bool = True
     is_trace: bool = False

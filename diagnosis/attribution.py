@@ -27,8 +27,8 @@ from .materiality import is_material, with_friction
 from .naming import (
     accepted_as,
     is_dwarfed,
-    is_everywhere,
     judged_again,
+    of_one_joint,
     told_apart_at_last,
     without_one,
 )
@@ -139,18 +139,15 @@ def _grown(
     if SATURATION not in without:
         accepted, hypothesis, fitted = _with_flat_tops(accepted, hypothesis, fitted)
     last = stage if hypothesis is stage.hypothesis else Stage(base, hypothesis, fitted)
-    accepted = told_apart_at_last(last, sized, accepted, weighed)
+    taken = {item.candidate.place for item in accepted}
+    open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
+    accepted = of_one_joint(accepted, open_, last)
+    accepted = of_one_joint(told_apart_at_last(last, sized, accepted, weighed), open_, last)
     certain = [a.candidate for a in accepted if a.is_certain]
     sure = None if len(certain) == len(accepted) else Stage(base, *fitted_to(base.prepared, certain))
     unknown = (*unclaimed(original, last, free, sure), *laws_of_position(original, last, accepted))
-    taken = {item.candidate.place for item in accepted}
-    open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
     hidden = not_observable(sized, base.torque_rms, open_)
-    everywhere = [a.named and is_everywhere(a, accepted, open_, last) for a in accepted]
-    accepted = [
-        replace(a, named=a.named and not (is_dwarfed(a, unknown, last) or alike), is_everywhere=alike)
-        for a, alike in zip(accepted, everywhere, strict=True)
-    ]
+    accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 

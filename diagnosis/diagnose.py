@@ -166,7 +166,7 @@ def _ranked(found: Attribution, verdict: str) -> tuple[RankedCandidate, ...]:
         family = accepted.candidate.family
         reason = "fitted, but no more than healthy robots have or a law's rest"
         if accepted.is_everywhere:
-            reason = "fitted, but other joints show as much of it"
+            reason = "fitted, but hardly larger than other joints' imperfections"
         if accepted.named:
             reason = "" if verdict == "effect" else "beside a larger gap that has no name"
         ranked.append(

@@ -134,7 +134,7 @@ class Diagnosis:
     parameters: (14 n,) re-identified standard parameters of the final hypothesis; timing: s, the
     common torque delay that goes with them. not_observable: effects nothing of which would show.
     recurrence: the push as one that every run has. everywhere: effects fitted without a name, as other joints
-    show as much of them.
+    are about as imperfect.
     """
 
     robot: Robot

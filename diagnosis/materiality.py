@@ -40,6 +40,12 @@ NAMED_SHARE, SECOND_SHARE = 0.05, 0.2
 # At a joint that has an effect already: or this share of what is left there, and of its RMS torque; or the
 # log-likelihood as a multiple of what any other joint's effect gains beside it.
 SECOND_LEFT, SECOND_TORQUE, SECOND_PROMINENT = 0.5, 0.02, 8.0
+# Or, as no law's rest looks like it, this share of the joint's RMS torque and of what is left, by this Wald's
+# statistic.
+SECOND_TOLD: Mapping[str, tuple[float, float, float]] = {
+    "transmission_ripple": (0.04, 0.2, 100.0),
+    "backlash": (0.005, 0.4, 1000.0),
+}
 # And the share of what is left there when it is taken in, or that multiple of log-likelihood: imperfections
 # that are no smaller would not let it be told from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
@@ -50,10 +56,12 @@ SMALLEST_WALD = 25.0
 # Friction that its joint's own parameters swallow leaves little, however large it is, and a delay leaves a
 # little at every joint: the size tells, where so many standard deviations less of it are still beyond a
 # healthy robot's.
-TOLD_BY_SIZE = ("load_dependent_friction", "nonlinear_viscous_friction", DELAY)
+OF_THE_LOAD = "load_dependent_friction"
+TOLD_BY_SIZE = (OF_THE_LOAD, "nonlinear_viscous_friction", DELAY)
 SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # What acts near rest, where samples do not count, shows little of itself: this share of the torque is
-# enough where it is most of what is left, and its size is certain.
+# enough where it is most of what is left, and its size is certain. So does friction of a load that hardly
+# changes.
 NEAR_REST, LITTLE_TORQUE, MOST_LEFT = "stribeck_friction", 0.002, 0.5
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
@@ -97,6 +105,7 @@ OF_THE_JOINT = (
 OBVIOUS = ((0.04, 0.5), (0.025, 0.8))
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
 BRISTLES, SMALLEST_LEVEL = "presliding_hysteresis", 0.55
+CABLE = "cable_spring"
 # Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
 LARGEST: Mapping[str, float] = {
     # Where no slow sample counts, any Stribeck friction seems to leave a little.
@@ -108,11 +117,11 @@ LARGEST: Mapping[str, float] = {
     "torque_gain_error": 3.0,
     "base_tilt": 3.0,
     # Cables and counterbalances differ more from arm to arm.
-    "cable_spring": 10.0,
+    CABLE: 10.0,
     "gravity_spring": 10.0,
 }
-# Springs that hold this share of what the drive can, a radian or a metre from rest, are met on any arm.
-SPRINGS, HELD = ("cable_spring", "gravity_spring"), 0.2
+# Springs that hold this share of what the drive can are met on any arm.
+SPRINGS, HELD = (CABLE, "gravity_spring"), 0.2
 # And of a law beside an effect's first.
 LARGEST_BY_LAW = 3.0
 # N·m are judged against this share of the joint's torque, at least.
@@ -187,10 +196,15 @@ def is_main(
     seen = (w for w in rest if w.candidate.family.joint != family.joint and w.gain.wald > SEEN)
     elsewhere = max((w.score for w in seen), default=0.0)
     if family.joint is not None and family.joint in named:
-        large = stage.removed(gain)[family.joint] > SECOND_TORQUE * stage.ground.torque_rms[family.joint]
-        left = bool(large and stage.shares(gain)[family.joint] > SECOND_LEFT)
+        torque = float(stage.removed(gain)[family.joint] / stage.ground.torque_rms[family.joint])
+        left = float(stage.shares(gain)[family.joint])
+        if family.effect in SECOND_TOLD:
+            least_torque, least_left, least_wald = SECOND_TOLD[family.effect]
+            if torque > least_torque and left > least_left and gain.wald > least_wald:
+                return True
         prominent = best.score > SECOND_PROMINENT * elsewhere
-        return left or prominent or bool(shares[family.joint] > SECOND_SHARE)
+        much = torque > SECOND_TORQUE and left > SECOND_LEFT
+        return much or prominent or bool(shares[family.joint] > SECOND_SHARE)
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
     if _is_large(robot, stage, best):
@@ -214,7 +228,10 @@ def _is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     if family.effect not in TOLD_BY_SIZE or weighed.score < SMALLEST_GAIN:
         return False
     own = list(gain.candidate.member.rows)
-    seen = stage.removed(gain)[own] > SMALLEST_TORQUE * stage.ground.torque_rms[own]
+    much = stage.removed(gain)[own] / stage.ground.torque_rms[own]
+    seen = much > SMALLEST_TORQUE
+    if family.effect == OF_THE_LOAD:
+        seen |= (much > LITTLE_TORQUE) & (stage.shares(gain)[own] > SMALLEST_SHARE)
     return bool(np.any(seen)) and _is_certainly_beyond(robot, stage, gain)
 
 
@@ -273,6 +290,8 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
         parameter = effect(family.effect).DESCRIPTION.parameters[0]
         mild, severe = typical_range(parameter, robot, family.joint)
         amount = _number(values[parameter.name])
+        if family.effect == CABLE:
+            amount *= _lever(robot, family.joint)
         if family.effect in SPRINGS and amount <= HELD * scale_of("torque_limit", robot, family.joint):
             return True
         return amount <= largest * severe if severe >= mild else amount >= severe / largest
@@ -306,6 +325,8 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
                 mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
             severe = max(mild, severe)
         value = _number(values[name])
+        if family.effect == CABLE:
+            value *= _lever(robot, family.joint)
         if family.effect == BENDING and _number(values["exponent"]) > 1:
             assert family.joint is not None
             # At the highest speed of the runs; beyond it nothing is known.
@@ -316,6 +337,12 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
         small, large = (value, mild) if severe >= mild else (mild, value)
         largest = max(largest, small / large if large > 0 else np.inf)
     return largest
+
+
+def _lever(robot: Robot, joint: int | None) -> float:
+    """How far from rest a cable is judged, rad (m): half of the joint's range, or one where that is more."""
+    assert joint is not None
+    return min(0.5 * float(robot.limits.upper[joint] - robot.limits.lower[joint]), 1.0)
 
 
 def _number(quantity: Quantity) -> float:

@@ -4,8 +4,10 @@ It is judged when it is taken in, and again where what was found later makes it 
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
@@ -13,23 +15,33 @@ from .accepted import Accepted
 from .candidates import SATURATION
 from .evidence import FEWEST_INDEPENDENT, Design, Fit, fitted_to, squares
 from .ground import Ground
-from .likelihood import Weighed, gained
-from .materiality import is_beyond_healthy, is_main, is_obvious
+from .likelihood import Weighed, gained, gained_by_shift
+from .materiality import SPRINGS, is_beyond_healthy, is_main, is_obvious
 from .round import Found
 from .unclaimed import Unclaimed
 from .weighing import Stage
 
+Array = NDArray[np.float64]
+
 # A rival of this probability explains it as well.
 AS_WELL = 0.25
-# What so many other joints show, each at this share of its torque, is how this robot's joints are, not what
-# one of them has: friction that bends one way or the other, bristles, teeth.
-SUCH_JOINTS, ALIKE = 2, 0.5
-OF_ALL_JOINTS = (
-    ("stribeck_friction", "nonlinear_viscous_friction"),
-    ("asymmetric_friction",),
-    ("load_dependent_friction",),
-    ("presliding_hysteresis",),
-    ("transmission_ripple",),
+# Friction that bends or differs by direction or with the load, bristles, teeth: what so many other joints
+# have some of, this share of it each, is how this robot's joints are, not what one of them has. And a spring
+# that presses on its joint no more than the others' imperfections do may be made of those. Unless it spares
+# the parameters a shift of this log-likelihood; friction that bends always shifts its joint's own.
+BENT = ("stribeck_friction", "nonlinear_viscous_friction")
+STRAIGHT = (
+    "asymmetric_friction",
+    "load_dependent_friction",
+    "presliding_hysteresis",
+    "transmission_ripple",
+)
+FRICTION = (*BENT, *STRAIGHT)
+SUCH_JOINTS = 2
+ALIKE = (
+    (BENT, FRICTION, 0.38, np.inf),
+    (STRAIGHT, FRICTION, 0.38, 3.0),
+    (SPRINGS, (*FRICTION, *SPRINGS), 0.8, 7.5),
 )
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
 DWARFED = 0.02
@@ -69,6 +81,7 @@ def accepted_as(
         score=best.score,
         share=float(stage.shares(best.gain).max()),
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
+        shift=gained_by_shift(stage, best.gain),
         named=bool(beyond and main and certain and told),
         is_certain=certain,
         is_trace=found.is_trace,
@@ -100,9 +113,8 @@ def told_apart_at_last(
     hidden = [
         place
         for place, (item, own) in enumerate(zip(accepted, last.hypothesis.parts, strict=True))
-        if not item.named
+        if not (item.named or item.is_everywhere or item.is_trace)
         and item.is_certain
-        and not item.is_trace
         and is_beyond_healthy(sized, base.torque_rms, item.candidate, values[own])
     ]
     apart = _of_robots(base, accepted) if hidden else last
@@ -139,23 +151,42 @@ def without_one(base: Ground, accepted: Sequence[Accepted], place: int) -> tuple
     return fitted_to(base.prepared, [a.candidate for k, a in enumerate(accepted) if k != place])
 
 
-def is_everywhere(
-    item: Accepted, accepted: Sequence[Accepted], open_: Sequence[Weighed], last: Stage
-) -> bool:
-    """Whether other joints show as much of it. open_: what is not taken in. last: with all that is."""
-    own = item.candidate.family
-    alike = next((names for names in OF_ALL_JOINTS if own.effect in names), ())
-    least, joints = ALIKE * np.sqrt(item.worth), set()
-    for each in accepted:
-        if each.candidate.family.effect in alike and np.sqrt(each.worth) >= least:
-            joints.add(each.candidate.family.joint)
-    for other in open_:
-        joint = other.candidate.family.joint
-        if other.candidate.family.effect not in alike or other.score <= 0 or joint in joints:
+def of_one_joint(accepted: Sequence[Accepted], open_: Sequence[Weighed], last: Stage) -> list[Accepted]:
+    """What was taken in, without the names of what is hardly larger than several other joints' imperfections.
+
+    Largest first: what keeps its name is none of those. open_: what is not taken in. last: with all that is.
+    """
+    found, faults = list(accepted), set[int]()
+    for place in sorted(range(len(found)), key=lambda k: -found[k].worth):
+        item, joint = found[place], found[place].candidate.family.joint
+        if not item.named:
             continue
-        if last.removed(other.gain)[joint] >= least * last.ground.torque_rms[joint]:
-            joints.add(joint)
-    return len(joints - {own.joint}) >= SUCH_JOINTS
+        rest = [each for k, each in enumerate(found) if k != place and k not in faults]
+        for kind, imperfections, share, shift in ALIKE:
+            if joint is not None and item.candidate.family.effect in kind and item.shift < shift:
+                others = np.sort(np.delete(_levels(imperfections, rest, open_, last), joint))
+                if len(others) >= SUCH_JOINTS and others[-SUCH_JOINTS] >= share * np.sqrt(item.worth):
+                    found[place] = replace(item, named=False, is_everywhere=True)
+        if found[place].named:
+            faults.add(place)
+    return found
+
+
+def _levels(
+    effects: Sequence[str], accepted: Sequence[Accepted], open_: Sequence[Weighed], last: Stage
+) -> Array:
+    """The largest of these effects at each joint, as a share of its RMS torque, (n,)."""
+    levels = np.zeros(last.prepared.joints)
+    for each in accepted:
+        if each.candidate.family.effect in effects:
+            joint = each.candidate.family.joint
+            levels[joint] = max(levels[joint], np.sqrt(each.worth))
+    for other in open_:
+        if other.candidate.family.effect in effects and other.score > 0:
+            joint = other.candidate.family.joint
+            share = last.removed(other.gain)[joint] / last.ground.torque_rms[joint]
+            levels[joint] = max(levels[joint], share)
+    return levels
 
 
 def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> bool:

@@ -25,7 +25,7 @@ from testbench.effects import parse_injection
 from testbench.effects.size import scale_of
 
 from .diagnosed import measured_only, simulated_runs
-from .small_arm import ARM, small_arm
+from .small_arm import ARM, SCARA, small_arm
 
 
 @pytest.mark.parametrize(("share", "is_named"), [(0.4, False), (1.0, True)])
@@ -56,6 +56,17 @@ def test_a_cable_may_be_stiff_for_a_joint_of_little_friction(tmp_path, share, is
     prepared = prepare(arm, simulated_runs(arm, [], runs=1))
     cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 0)
     stiffness = share * scale_of("torque_limit", arm, 0)
+    assert is_plausible(arm, cable, np.array([stiffness, 0.0])) == is_met
+
+
+@pytest.mark.parametrize(("share", "is_met"), [(0.15, True), (0.5, False)])
+def test_a_cable_on_a_short_slide_is_judged_by_what_it_holds_within_its_range(tmp_path, share, is_met):
+    arm = small_arm(tmp_path, SCARA)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 2)
+    half_range = (arm.limits.upper[2] - arm.limits.lower[2]) / 2
+    stiffness = share * scale_of("torque_limit", arm, 2) / half_range
+    assert stiffness > 2 * 10 * 0.5 * scale_of("coulomb", arm, 2) * share
     assert is_plausible(arm, cable, np.array([stiffness, 0.0])) == is_met
 
 

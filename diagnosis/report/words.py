@@ -99,13 +99,13 @@ def untold(diagnosis: Diagnosis) -> list[str]:
 
 
 def everywhere(diagnosis: Diagnosis) -> list[str]:
-    """What is fitted at some joints and has no name, since others show as much; nothing where nothing is."""
+    """What is fitted and has no name beside the other joints' imperfections; nothing where nothing is."""
     places: dict[str, list[str]] = {}
     for name, joint in sorted(diagnosis.everywhere, key=str):
         assert joint is not None
         places.setdefault(name, []).append(diagnosis.robot.joint_names[joint])
     told = "; ".join(f"{title(name)} ({', '.join(joints)})" for name, joints in places.items())
-    return [f"Fitted, but no one joint's fault, since others show as much: {told}."] if told else []
+    return [f"Fitted, but no one joint's fault, since others are as imperfect: {told}."] if told else []
 
 
 def mended(diagnosis: Diagnosis) -> list[str]:
