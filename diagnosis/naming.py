@@ -16,7 +16,14 @@ from .candidates import SATURATION
 from .evidence import FEWEST_INDEPENDENT, Design, Fit, fitted_to, squares
 from .ground import Ground
 from .likelihood import Weighed, gained, gained_by_shift
-from .materiality import SPRINGS, is_beyond_healthy, is_main, is_obvious
+from .materiality import (
+    SMALLEST_SHARE,
+    SMALLEST_WALD,
+    SPRINGS,
+    is_beyond_healthy,
+    is_main,
+    is_obvious,
+)
 from .round import Found
 from .unclaimed import Unclaimed
 from .weighing import Stage
@@ -27,20 +34,15 @@ Array = NDArray[np.float64]
 AS_WELL = 0.25
 # Friction that bends or differs by direction or with the load, bristles, teeth: what so many other joints
 # have some of, this share of it each, is how this robot's joints are, not what one of them has. And a spring
-# that presses on its joint no more than the others' imperfections do may be made of those. Unless it spares
-# the parameters a shift of this log-likelihood; friction that bends always shifts its joint's own.
-BENT = ("stribeck_friction", "nonlinear_viscous_friction")
-STRAIGHT = (
-    "asymmetric_friction",
-    "load_dependent_friction",
-    "presliding_hysteresis",
-    "transmission_ripple",
-)
-FRICTION = (*BENT, *STRAIGHT)
+# that presses on its joint no more than the others' imperfections do may be made of those. Unless what the
+# parameters swallow of it spares them a shift of this log-likelihood.
+SHOWN = ("stribeck_friction", "nonlinear_viscous_friction", "presliding_hysteresis", "transmission_ripple")
+SWALLOWED = ("asymmetric_friction", "load_dependent_friction")
+FRICTION = (*SHOWN, *SWALLOWED)
 SUCH_JOINTS = 2
 ALIKE = (
-    (BENT, FRICTION, 0.38, np.inf),
-    (STRAIGHT, FRICTION, 0.38, 3.0),
+    (SHOWN, FRICTION, 0.38, np.inf),
+    (SWALLOWED, FRICTION, 0.38, 3.0),
     (SPRINGS, (*FRICTION, *SPRINGS), 0.8, 7.5),
 )
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
@@ -182,10 +184,11 @@ def _levels(
             joint = each.candidate.family.joint
             levels[joint] = max(levels[joint], np.sqrt(each.worth))
     for other in open_:
-        if other.candidate.family.effect in effects and other.score > 0:
-            joint = other.candidate.family.joint
-            share = last.removed(other.gain)[joint] / last.ground.torque_rms[joint]
-            levels[joint] = max(levels[joint], share)
+        joint, gain = other.candidate.family.joint, other.gain
+        # Of many shapes, one fits a little of any noise.
+        seen = other.score > 0 and gain.wald > SMALLEST_WALD
+        if other.candidate.family.effect in effects and seen and last.shares(gain)[joint] > SMALLEST_SHARE:
+            levels[joint] = max(levels[joint], last.removed(gain)[joint] / last.ground.torque_rms[joint])
     return levels
 
 

@@ -213,7 +213,7 @@ class Stage:
             normed = schur / np.sqrt(size[:, :, None] * size[:, None, :])
             remaining = np.linalg.eigvalsh((normed + normed.transpose(0, 2, 1)) / 2)
             # The hypothesis's own gradient vanishes at its minimum: Z'r alone drives the coefficients.
-            c = coefficients[at] = _bounded(schur + ridge, total_right[at], *bounds)
+            c = coefficients[at] = _bounded(schur + ridge, total_right[at], size, *bounds)
             objective = 2 * np.einsum("ca,ca->c", total_right[at], c)
             objective -= np.einsum("ca,cab,cb->c", c, schur, c)
             solved.update(
@@ -223,7 +223,7 @@ class Stage:
                 rest, rest_cross = own - by_fold[:, f], total_cross - sums.cross[f]
                 part = rest - _products(rest_cross, through_rest, at)
                 wanted = (total_right - sums.right[f] - rest_cross @ self.shift[f])[at]
-                c = _bounded(part + ridge, wanted, *bounds)
+                c = _bounded(part + ridge, wanted, size, *bounds)
                 # A coefficient that the other folds do not reach cannot be predicted from them.
                 unreached = np.any(np.einsum("caa->ca", rest) <= 1e-9 * size, axis=1)
                 c[unreached & ~free] = 0.0
@@ -309,9 +309,12 @@ def _products(cross: Array, through: Array, at: NDArray[np.int64]) -> Array:
     return np.einsum("cap,cpb->cab", cross[at], through.T[at].transpose(0, 2, 1), optimize=True)
 
 
-def _bounded(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
-    """Minimisers (C, k) of c'Ac/2 - b'c within bounds, regularised against exact collinearity."""
-    scale = np.sqrt(np.maximum(np.einsum("caa->ca", matrix), 1e-300))
+def _bounded(matrix: Array, right: Array, size: Array, lower: Array, upper: Array) -> Array:
+    """Minimisers (C, k) of c'Ac/2 - b'c within bounds, regularised against exact collinearity.
+
+    size: (C, k) of A's diagonal before anything was taken off: rounding may leave less than nothing of it.
+    """
+    scale = np.sqrt(np.maximum(np.einsum("caa->ca", matrix), RIDGE * size))
     scaled = matrix / (scale[:, :, None] * scale[:, None, :]) + SMALL_RIDGE * np.eye(right.shape[1])
     target = right / scale
     free = np.linalg.solve(scaled, target[:, :, None])[:, :, 0]
