@@ -99,9 +99,7 @@ def without_law(
 
     lower: (k,) bounds of the coefficients. Only the filtered columns are kept.
     """
-    at_full_rate = Member(
-        dict(shape or {}), (joint,), single_joint(columns), lower, np.full(len(lower), np.inf)
-    )
+    at_full_rate = Member(shape, (joint,), single_joint(columns), lower, np.full(len(lower), np.inf))
     kept = replace(at_full_rate, columns=())
     filtered = candidate(prepared, Family(name, joint, (kept,), _no_parameters), at_full_rate)
     return replace(filtered, member=kept)

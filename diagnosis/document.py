@@ -113,10 +113,7 @@ def diagnosis_document(
         "notes": list(diagnosis.notes),
         "untold": [names[joint] for joint in diagnosis.untold],
         "mended": diagnosis.mended,
-        "everywhere": [
-            {"effect": name, "joint": None if joint is None else names[joint]}
-            for name, joint in diagnosis.everywhere
-        ],
+        "everywhere": [{"effect": effect, "joint": name(joint)} for effect, joint in diagnosis.everywhere],
         "correction": correction_document(corrected_model(diagnosis)),
     }
 

@@ -196,7 +196,7 @@ def is_main(
     seen = (w for w in rest if w.candidate.family.joint != family.joint and w.gain.wald > SEEN)
     elsewhere = max((w.score for w in seen), default=0.0)
     if family.joint is not None and family.joint in named:
-        torque = float(stage.removed(gain)[family.joint] / stage.ground.torque_rms[family.joint])
+        torque = float(stage.torque_shares(gain)[family.joint])
         left = float(stage.shares(gain)[family.joint])
         if family.effect in SECOND_TOLD:
             least_torque, least_left, least_wald = SECOND_TOLD[family.effect]
@@ -228,7 +228,7 @@ def _is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     if family.effect not in TOLD_BY_SIZE or weighed.score < SMALLEST_GAIN:
         return False
     own = list(gain.candidate.member.rows)
-    much = stage.removed(gain)[own] / stage.ground.torque_rms[own]
+    much = stage.torque_shares(gain)[own]
     seen = much > SMALLEST_TORQUE
     if family.effect == OF_THE_LOAD:
         seen |= (much > LITTLE_TORQUE) & (stage.shares(gain)[own] > SMALLEST_SHARE)
@@ -259,7 +259,7 @@ def is_obvious(stage: Stage, gain: Gain) -> bool:
     if family.effect not in OF_THE_JOINT:
         return False
     own = list(gain.candidate.member.rows)
-    torque, share = (stage.removed(gain) / stage.ground.torque_rms)[own], stage.shares(gain)[own]
+    torque, share = stage.torque_shares(gain)[own], stage.shares(gain)[own]
     return any(bool(np.any((torque > least) & (share > part))) for least, part in OBVIOUS)
 
 

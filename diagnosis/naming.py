@@ -185,10 +185,11 @@ def _levels(
             levels[joint] = max(levels[joint], np.sqrt(each.worth))
     for other in open_:
         joint, gain = other.candidate.family.joint, other.gain
+        if other.candidate.family.effect not in effects or other.score <= 0:
+            continue
         # Of many shapes, one fits a little of any noise.
-        seen = other.score > 0 and gain.wald > SMALLEST_WALD
-        if other.candidate.family.effect in effects and seen and last.shares(gain)[joint] > SMALLEST_SHARE:
-            levels[joint] = max(levels[joint], last.removed(gain)[joint] / last.ground.torque_rms[joint])
+        if gain.wald > SMALLEST_WALD and last.shares(gain)[joint] > SMALLEST_SHARE:
+            levels[joint] = max(levels[joint], last.torque_shares(gain)[joint])
     return levels
 
 
