@@ -1,6 +1,6 @@
 """Cable spring: the dress pack pulls the joint back to where it hangs straight."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,11 +22,13 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .bristle import bristle_step
+from .bristle import bristle_step, unit_bristle
 from .mjcf_form import file_angle, joint_element
 from .signature import Family, Logged, Member, Quantity, single_joint
 
 Array = NDArray[np.float64]
+
+LINEAR, HYSTERETIC = "linear", "hysteretic"
 
 DESCRIPTION = EffectDescription(
     name="cable_spring",
@@ -39,20 +41,23 @@ DESCRIPTION = EffectDescription(
         EffectParameter("stiffness", "N·m/rad", 0.0, np.inf, (0.05, 0.5), "coulomb"),
         EffectParameter("rest", "rad", -10.0, 10.0, (0.0, 0.5)),
     ),
-    laws=("linear", "hysteretic"),
+    laws=(LINEAR, HYSTERETIC),
     confused_with=("gravity_spring", "asymmetric_friction", "base_tilt"),
     loads=True,
 )
 
 # Of the hysteretic cable: friction in radians of spring, and the angle within which it yields.
 FRICTION, YIELD = 0.2, 0.1
+# What they may be on a robot, and where they are looked for first.
+FRICTIONS, YIELDS = (0.03, 0.6), (0.02, 0.4)
+LIKELY = ((0.1, 0.05), (0.3, 0.05), (0.2, 0.15))
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     """A torque on the link."""
     joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
     values = [injection.values[name] for name in ("stiffness", "rest")]
-    return Action((hook(Stage.TORQUE, _pull, joint, [*values, injection.law == "hysteretic"], state=1),))
+    return Action((hook(Stage.TORQUE, _pull, joint, [*values, injection.law == HYSTERETIC], state=1),))
 
 
 @hook_kernel
@@ -68,18 +73,37 @@ def _pull(bus: int, parameters: int, state: int, joint: int) -> None:
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """q and 1."""
+    """q and 1; of the hysteretic cable q with the Dahl friction that goes with it."""
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    columns = [np.column_stack([run.q[:, joint], np.ones(run.samples)]) for run in runs]
     lower, upper = np.array([0.0, -np.inf]), np.full(2, np.inf)
+
+    def member(pulls: Sequence[Array], shape: Mapping[str, float], law: str | None) -> Member:
+        columns = [np.column_stack([pull, np.ones_like(pull)]) for pull in pulls]
+        return Member(dict(shape), (joint,), single_joint(columns), lower, upper, law)
+
+    def hysteretic(shape: Mapping[str, float]) -> Member:
+        pulls = []
+        for run in runs:
+            rubbed = np.empty((run.samples, 1))
+            v = np.ascontiguousarray(run.dq[:, joint])
+            unit_bristle(v, np.array([shape["yields"]]), 1 / run.sample_rate, rubbed)
+            pulls.append(run.q[:, joint] + shape["friction"] * rubbed[:, 0])
+        return member(pulls, shape, HYSTERETIC)
+
+    linear = member([run.q[:, joint] for run in runs], {}, None)
     return Family(
-        DESCRIPTION.name, joint, (Member({}, (joint,), single_joint(columns), lower, upper),), _parameters
+        effect=DESCRIPTION.name,
+        joint=joint,
+        members=(linear, *(hysteretic({"friction": f, "yields": y}) for f, y in LIKELY)),
+        parameters=_parameters,
+        refine={"friction": FRICTIONS, "yields": YIELDS},
+        member=hysteretic,
     )
 
 
 def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
     """rest = -c_1 / c_0, with the first-order standard deviation."""
-    stiffness = float(c[0])
+    stiffness, covariance = float(c[0]), covariance[:2, :2]
     # A spring that is all offset rests too far away to be one, but not at infinity.
     spring = max(stiffness, 1e-9 * abs(float(c[1])), 1e-30)
     rest = -float(c[1]) / spring
@@ -105,6 +129,6 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     sentences = []
     if stiffness[1:].any():
         sentences.append("the joint's own spring is a polynomial whose rest position moves with the cable's")
-    if injection.law == "hysteretic":
+    if injection.law == HYSTERETIC:
         sentences.append("the cable's hysteresis is left out")
     return tuple(sentences)
