@@ -14,6 +14,8 @@ Row = dict[str, Any]
 VERDICTS = ("none", "parameters", "effect", "unknown")
 # The parameters that tell how large an effect is; the first one where nothing is said here.
 SIZES = {"base_tilt": ("roll", "pitch")}
+# And what they are relative to.
+PER = {"thermal_friction_drift": ("power",)}
 
 
 def judge(answer: Mapping[str, Any], diagnosis: Mapping[str, Any], source: object = "diagnosis") -> Row:
@@ -172,14 +174,18 @@ def _parameter_error(named: Sequence[Mapping[str, Any]], acting: Sequence[Mappin
         return None
     first_size = effect(true["effect"]).DESCRIPTION.parameters[0].name
     sizes = SIZES.get(true["effect"], (first_size,))
+    per = PER.get(true["effect"], ())
     for each in named:
         if not _same(each, true):
             continue
         try:
-            found = np.array([float(each["parameters"][name]["value"]) for name in sizes])
+            told = {name: float(each["parameters"][name]["value"]) for name in (*sizes, *per)}
+            found, size = (
+                np.array([values[name] for name in sizes]) / np.prod([values[name] for name in per])
+                for values in (told, true["values"])
+            )
         except (KeyError, TypeError, ValueError):
             return None
-        size = np.array([true["values"][name] for name in sizes])
         return float(np.linalg.norm(found - size) / np.linalg.norm(size))
     return None
 

@@ -16,6 +16,8 @@ from .base import EffectDescription, EffectParameter
 Array = NDArray[np.float64]
 
 POSES = 200
+# Of the speed limit: a speed that joints work at.
+WORKING_SPEED = 0.3
 # Where a model states no limit: half a turn, and a speed and a torque that arms of any size know.
 POSITION_RANGE, SPEED, TORQUE = np.pi, 3.0, 50.0
 
@@ -44,7 +46,8 @@ def scale_of(relative_to: str, robot: Robot, joint: int | None) -> float:
     """What a typical range is a share of, SI; 1 for "".
 
     coulomb: N·m. viscous: N·m·s/rad. viscous_torque: N·m at the speed limit. torque_limit: N·m.
-    gravity: N·m, RMS over poses. inertia: kg·m², the joint's own, RMS over poses.
+    gravity: N·m, RMS over poses. inertia: kg·m², the joint's own, RMS over poses. friction_power: W, at
+    WORKING_SPEED.
     """
     if not relative_to:
         return 1.0
@@ -94,6 +97,7 @@ def _scales(key: _Key) -> dict[str, Array]:
         moved = inverse_dynamics(robot.chain, links.ravel(), poses, still, still + unit, threads=1)
         inertia[:, joint] = (moved - gravity)[:, joint]
     speed = np.array([speed_limit(limits, joint) for joint in range(n)])
+    working = WORKING_SPEED * speed
     return {
         "coulomb": table[:, COULOMB],
         "viscous": table[:, VISCOUS],
@@ -101,4 +105,5 @@ def _scales(key: _Key) -> dict[str, Array]:
         "torque_limit": np.where(np.isfinite(limits.torque), limits.torque, TORQUE),
         "gravity": np.sqrt(np.mean(gravity**2, axis=0)),
         "inertia": np.sqrt(np.mean(inertia**2, axis=0)) + table[:, ARMATURE],
+        "friction_power": (table[:, VISCOUS] * working + table[:, COULOMB]) * working,
     }

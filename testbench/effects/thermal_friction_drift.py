@@ -10,7 +10,7 @@ from identification.kinematics import kernel
 from identification.parameters import COULOMB as COULOMB_PARAMETER
 from identification.parameters import VISCOUS as VISCOUS_PARAMETER
 
-from ..robot import Limits, Robot
+from ..robot import Robot
 from .action import (
     FRICTION,
     TIMESTEP,
@@ -27,48 +27,41 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .signature import Family, Logged, Member, Quantity, coefficients_as_named, single_joint
-from .size import speed_limit
 
 Array = NDArray[np.float64]
 
 DESCRIPTION = EffectDescription(
     name="thermal_friction_drift",
     title="Thermal friction drift",
-    law="viscous friction·(1 - drop·w), dw/dt = (P / P_rated - w) / time_constant, w = 0 at the start; P is "
-    "the friction power and P_rated that at 30 % of the speed limit. two_node: half of w belongs to a "
-    "housing 5 times slower, and viscosity falls as (1 - drop)^w",
+    law="viscous friction·(1 - drop·w), dw/dt = (P / power - w) / time_constant with the friction power P, "
+    "w = 0 at the start. two_node: half of w belongs to a housing 5 times slower, and viscosity falls as "
+    "(1 - drop)^w. A diagnosis tells the drop at the mean power of its runs",
     reference='Simoni, Beschi, Legnani & Visioli, "Friction modeling with temperature effects for industrial '
     'robot manipulators", IROS 2015; Bittencourt & Axelsson, IEEE/ASME T-MECH 19(5), 2014',
     scope=Scope.JOINT,
     parameters=(
         EffectParameter("drop", "-", 0.0, 0.95, (0.2, 0.6)),
         EffectParameter("time_constant", "s", 0.1, 1e6, (60.0, 10.0)),
+        EffectParameter("power", "W", 1e-9, np.inf, (1.0, 1.0), "friction_power"),
     ),
     laws=("one_node", "two_node"),
     confused_with=("nonlinear_viscous_friction",),
 )
 
-RATED_SHARE = 0.3
 # Viscosity cannot fall below nothing, however hot.
 HIGHEST_DROP = 0.95
 HOUSING_SHARE, HOUSING_SLOWNESS = 0.5, 5.0
+# Of warm joints, which make less heat.
+LIKELY_DROP = 0.4
 # Of a friction that the runs' warmth has been averaged into.
 LARGEST_COEFFICIENT = 4.0
-TIME_CONSTANTS = (5.0, 20.0, 80.0)
-
-
-def rated_power(viscous: float, coulomb: float, limits: Limits, joint: int) -> float:
-    """Friction power at RATED_SHARE of the speed limit, W; it is what w = 1 means."""
-    speed = RATED_SHARE * speed_limit(limits, joint)
-    return max((viscous * speed + coulomb) * speed, float(np.finfo(float).tiny))
+TIME_CONSTANTS, SHORTEST = (5.0, 20.0, 80.0), 2.0
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     """Viscous friction scaled by one or two heat states."""
     joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
-    viscous, coulomb = (simulated.standard(index, joint) for index in (VISCOUS_PARAMETER, COULOMB_PARAMETER))
-    rated = rated_power(viscous, coulomb, simulated.robot.limits, joint)
-    values = [injection.values["drop"], injection.values["time_constant"], rated]
+    values = [injection.values[name] for name in ("drop", "time_constant", "power")]
     return Action(
         (hook(Stage.FRICTION_LEVEL, _warm, joint, [*values, injection.law == "two_node"], state=2),)
     )
@@ -91,36 +84,37 @@ def _warm(bus: int, parameters: int, state: int, joint: int) -> None:
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """-fv·w·v and -fc·w·sgn v with the warmth w that the model's friction power makes.
 
-    Shape ``carried``: whether a run starts as warm as the one before it has ended, or cold. Until fv is that
-    of the cold joint the coefficients are too large.
+    Shapes ``power``: the mean of these runs, W, of which w = 1 is made; ``carried``: whether a run starts as
+    warm as the one before it has ended, or cold. Until fv is that of the cold joint the coefficients are too
+    large.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     upper = np.full(2, LARGEST_COEFFICIENT)
     friction = [np.maximum(run.table[joint, [VISCOUS_PARAMETER, COULOMB_PARAMETER]], 0.0) for run in runs]
     speed = [run.dq[:, joint] for run in runs]
-    heat = [
-        np.maximum(run.friction[:, joint] * v, 0.0) / rated_power(float(f[0]), float(f[1]), run.limits, joint)
-        for run, f, v in zip(runs, friction, speed, strict=True)
-    ]
+    heat = [np.maximum(run.friction[:, joint] * v, 0.0) for run, v in zip(runs, speed, strict=True)]
+    falling = [np.minimum(f[0] * v**2, p) for f, v, p in zip(friction, speed, heat, strict=True)]
+    mean = max(float(np.mean(np.concatenate(heat))), DESCRIPTION.parameters[-1].lower)
 
     def member(shape: Mapping[str, float]) -> Member:
         columns = []
         start = 0.0
-        for run, (viscous, coulomb), v, power in zip(runs, friction, speed, heat, strict=True):
-            warm = warmth(power, 1 / (run.sample_rate * shape["time_constant"]), start)
+        for run, (viscous, coulomb), v, *power in zip(runs, friction, speed, heat, falling, strict=True):
+            all_of_it, part = (each / shape["power"] for each in power)
+            warm = warmth(all_of_it, part, 1 / (run.sample_rate * shape["time_constant"]), start)
             start = float(warm[-1]) if shape["carried"] else 0.0
             columns.append(-warm[:, None] * np.column_stack([viscous * v, coulomb * run.direction[:, joint]]))
         return Member(dict(shape), (joint,), single_joint(columns), np.zeros(2), upper)
 
     # One run alone carries nothing.
     carried = (0.0, 1.0) if len(runs) > 1 else (0.0,)
-    shapes = [{"time_constant": t, "carried": c} for c in carried for t in TIME_CONSTANTS]
+    shapes = [{"time_constant": t, "carried": c, "power": mean} for c in carried for t in TIME_CONSTANTS]
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,
         members=tuple(member(shape) for shape in shapes),
         parameters=_parameters,
-        refine={"time_constant": (min(TIME_CONSTANTS), max(TIME_CONSTANTS))},
+        refine={"time_constant": (SHORTEST, max(TIME_CONSTANTS))},
         member=member,
     )
 
@@ -130,18 +124,22 @@ def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quanti
     return named(member, np.minimum(c, HIGHEST_DROP), covariance)
 
 
-def warmth(heat: Array, share: float, start: float) -> Array:
-    """The heat state w (N,) along P / P_rated (N,) from start; share: of the time constant in a sample."""
+def warmth(heat: Array, falling: Array, share: float, start: float) -> Array:
+    """The heat state w (N,) along P / power (N,) from start; share: of the time constant in a sample.
+
+    falling: the part of it that viscous friction makes, which falls by LIKELY_DROP w.
+    """
     out = np.empty_like(heat)
-    _first_order(np.ascontiguousarray(heat), share, start, out)
+    _first_order(np.ascontiguousarray(heat), np.ascontiguousarray(falling), share, start, out)
     return out
 
 
 @kernel
-def _first_order(heat: Array, share: float, start: float, out: Array) -> None:
+def _first_order(heat: Array, falling: Array, share: float, start: float, out: Array) -> None:
     state = start
     for t in range(heat.size):
-        state += share * (heat[t] - state)
+        lost = min(LIKELY_DROP * state, HIGHEST_DROP)
+        state += share * (heat[t] - lost * falling[t] - state)
         out[t] = state
 
 
