@@ -49,9 +49,12 @@ class DecimatingFilter:
         return out.reshape(-1, *columns.shape[1:])
 
 
-def decimating_filters(sample_rate: float, cutoffs: Array) -> tuple[DecimatingFilter, ...]:
-    """One filter for each cut-off, Hz, that all keep the same samples; equal cut-offs share one."""
-    step = decimation_step(sample_rate, float(np.max(cutoffs)))
+def decimating_filters(sample_rate: float, cutoffs: Array, thinning: int = 1) -> tuple[DecimatingFilter, ...]:
+    """One filter for each cut-off, Hz, that all keep the same samples; equal cut-offs share one.
+
+    thinning: only every so-many-th of the samples that hold what was passed is kept.
+    """
+    step = thinning * decimation_step(sample_rate, float(np.max(cutoffs)))
     taps = {cutoff: decimating_filter(sample_rate, cutoff).taps for cutoff in set(cutoffs.tolist())}
     reach = max(len(each) // 2 for each in taps.values())
     made = {

@@ -77,7 +77,7 @@ class Design:
     @property
     def independent(self) -> Array:
         """How many independent samples that is, (n,)."""
-        return INDEPENDENT * self.prepared.band * self.counts
+        return min(INDEPENDENT * self.prepared.thinning, 1.0) * self.prepared.band * self.counts
 
     @property
     def is_told(self) -> NDArray[np.bool_]:

@@ -11,6 +11,7 @@ from scipy.ndimage import maximum_filter1d
 
 from identification.differentiation import differentiate
 from identification.errors import InputError
+from identification.filtering import decimation_step
 from identification.models import POSITION_BAND, Preprocessing
 from identification.parameters import PER_JOINT
 from identification.regressor import regressor
@@ -26,8 +27,9 @@ from .decimation import DecimatingFilter, decimating_filters, filtered
 
 Array = NDArray[np.float64]
 
-# Hz; logs are not looked at faster.
-FAST = 1000.0
+# Hz; logs are not looked at faster, nor long ones than this, lest so many samples of all joints together fill
+# the memory.
+FAST, SLOWEST, MOST_LOGGED = 1000.0, 250.0, 2_000_000
 # The widest band in which gaps are sought; how slow a joint must be for its friction's sign to be unknown.
 CUTOFF = 20.0
 DEAD_ZONE = 0.02
@@ -39,6 +41,8 @@ SMALLEST_RUN = 40
 LONGEST_STEP, STEPS = 0.15, 1.6
 # Of all that a torque moves; what is less is no step of it.
 ROUNDING = 1e-9
+# And so many are kept of what the low-pass leaves, but one in so many at least.
+MOST_KEPT, THINNEST = 150_000, 3
 # Where there are fewer runs, blocks of each stand in for them.
 FEWEST_FOLDS = 3
 
@@ -87,13 +91,15 @@ class Prepared:
     """All runs, and the folds that are left out in turn.
 
     folds: per fold, the run's index and the samples (into its M) that belong to it. band: (n,) of the widest
-    band, the share that each joint's filter leaves.
+    band, the share that each joint's filter leaves. thinning: one in so many is kept of the samples that hold
+    what was passed.
     """
 
     robot: Robot
     runs: tuple[Run, ...]
     band: Array
     folds: tuple[tuple[int, slice], ...]
+    thinning: int
 
     @property
     def joints(self) -> int:
@@ -147,16 +153,18 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     """
     if not recordings:
         raise InputError("diagnose", "logs", "at least one", 0)
-    logs = [_log(name, recording) for name, recording in recordings.items()]
+    fast = _fastest(robot, list(recordings.values()))
+    logs = [_log(name, recording, fast) for name, recording in recordings.items()]
     widest = max(filter_cutoff(log.motion.sample_rate) for log in logs)
     bands = joint_bands(robot, [log.motion for log in logs], widest)
-    runs = tuple(_run(robot, log, bands) for log in logs)
+    thinning = _thinning(robot, logs, float(bands.max()))
+    runs = tuple(_run(robot, log, bands, thinning) for log in logs)
     if not any(run.used.any() for run in runs):
         expected = f"some joint faster than {DEAD_ZONE} rad/s (m/s): these logs cannot tell"
         raise InputError("logs", "joint/position", expected, "all at rest, or too short a move")
     each = -(-FEWEST_FOLDS // len(runs))
     folds = tuple((index, part) for index, run in enumerate(runs) for part in blocks(len(run.time), each))
-    return Prepared(robot, runs, bands / widest, folds)
+    return Prepared(robot, runs, bands / widest, folds, thinning)
 
 
 def blocks(samples: int, count: int) -> list[slice]:
@@ -165,9 +173,15 @@ def blocks(samples: int, count: int) -> list[slice]:
     return [slice(*pair) for pair in itertools.pairwise(edges)]
 
 
-def thinned(recording: Recording) -> Recording:
-    """A fast log as means of neighbouring samples, at about FAST Hz; the band in question is far below."""
-    count = round(recording.sample_rate / FAST)
+def _fastest(robot: Robot, recordings: Sequence[Recording]) -> float:
+    """The sample rate that these logs are looked at, Hz."""
+    seconds = sum(len(each.time) / each.sample_rate for each in recordings)
+    return float(np.clip(MOST_LOGGED / (seconds * robot.joints), SLOWEST, FAST))
+
+
+def thinned(recording: Recording, fast: float = FAST) -> Recording:
+    """A fast log as means of neighbouring samples, at about so many Hz; the band in question is far below."""
+    count = round(recording.sample_rate / fast)
     if count < 2:
         return recording
 
@@ -198,20 +212,28 @@ class _Log:
     torque_step: Array
 
 
-def _log(name: str, recording: Recording) -> _Log:
+def _log(name: str, recording: Recording, fast: float) -> _Log:
     lost = lost_samples(recording)
-    even = on_grid(thinned(mended(recording, lost)))
+    even = on_grid(thinned(mended(recording, lost), fast))
     return _Log(name, even, motion(even), recording.time[~lost], int(lost.sum()), _step(recording.torque))
 
 
-def _run(robot: Robot, log: _Log, bands: Array) -> Run:
-    """One run filtered. bands: (n,) Hz."""
+def _thinning(robot: Robot, logs: Sequence[_Log], band: float) -> int:
+    """One in how many samples is kept of these logs, low-passed at so many Hz."""
+    rates = [log.motion.sample_rate for log in logs]
+    lengths = [len(log.recording.time) for log in logs]
+    kept = sum(n / decimation_step(rate, band) for n, rate in zip(lengths, rates, strict=True))
+    return int(np.clip(np.ceil(kept * robot.joints / MOST_KEPT), 1, THINNEST))
+
+
+def _run(robot: Robot, log: _Log, bands: Array, thinning: int) -> Run:
+    """One run filtered. bands: (n,) Hz. thinning: as of ``Prepared``."""
     recording, rate = log.recording, log.motion.sample_rate
     cutoff = filter_cutoff(rate)
     signals = differentiate(log.motion, "butterworth_central", POSITION_BAND * cutoff)
     samples = len(signals.q)
     cutoffs = np.minimum(bands, cutoff)
-    filters = decimating_filters(rate, cutoffs)
+    filters = decimating_filters(rate, cutoffs, thinning)
     kept = filters[0].kept(samples)
     if len(kept) < SMALLEST_RUN:
         needed = 2 * filters[0].reach + SMALLEST_RUN * filters[0].step

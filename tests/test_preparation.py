@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis import preparation
 from diagnosis.diagnose import diagnose
 from diagnosis.preparation import prepare
 from diagnosis.report.summary import summary
 from identification.errors import InputError
+from testbench.effects import parse_injection
 from testbench.log import Recording
 
-from .diagnosed import simulated_runs
+from .diagnosed import RATE, simulated_runs
 from .small_arm import small_arm
 
 GAP = slice(3000, 3060)
@@ -40,6 +42,25 @@ def test_what_is_made_up_where_samples_are_missing_does_not_count(tmp_path, miss
     # What is far from it counts as before.
     away = np.abs(whole.kept - missing.start) > 200
     assert np.mean(short.used[away] == whole.used[away]) > 0.99
+
+
+def test_long_logs_are_thinned_and_tell_the_same(tmp_path, monkeypatch):
+    arm = small_arm(tmp_path)
+    logs = simulated_runs(arm, [parse_injection(arm, "cable_spring:elbow:stiffness=3,rest=0.4")], runs=3)
+    whole = diagnose(arm, logs)
+    seconds = sum(len(each.time) for each in logs.values()) / RATE
+    monkeypatch.setattr(preparation, "MOST_LOGGED", 250 * seconds * arm.joints)
+    monkeypatch.setattr(preparation, "MOST_KEPT", 30 * seconds * arm.joints)
+    short = diagnose(arm, logs)
+    assert short.prepared.runs[0].logged.sample_rate == 250.0
+    assert len(short.prepared.runs[0].time) < 0.4 * len(whole.prepared.runs[0].time)
+    # As many independent samples are in what is left.
+    assert short.final[0].independent == pytest.approx(whole.final[0].independent, rel=0.1)
+    (one,), (other,) = short.effects, whole.effects
+    assert (one.effect, one.joint) == (other.effect, other.joint) == ("cable_spring", 1)
+    for found in (one, other):
+        stiffness = found.parameters["stiffness"]
+        assert abs(stiffness.value - 3.0) < 4 * stiffness.std
 
 
 def _held(arm, joints):
