@@ -22,7 +22,7 @@ from .folds import covered
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .likelihood import Weighed, gained, weigh
-from .linearisation import RELINEARISED, first_linearised, linearised_anew
+from .linearisation import RELINEARISED, TRANSMISSIONS, first_linearised, linearised_anew
 from .materiality import is_material, with_friction
 from .naming import (
     accepted_as,
@@ -37,6 +37,7 @@ from .observability import not_observable
 from .preparation import Prepared
 from .round import Search
 from .saturation import Cut, cuts
+from .shortlist import refined_again
 from .unclaimed import Unclaimed, unclaimed
 from .weighing import Bank, Stage
 
@@ -121,6 +122,9 @@ def _grown(
             hypothesis, fitted = linearised_anew(hypothesis, fitted)
             prepared = hypothesis.prepared
             base = ground(prepared)
+            if taken_in.effect in TRANSMISSIONS:
+                # What the link's motion makes of its load depends on the load.
+                hypothesis, fitted = refined_again(sized, base, hypothesis)
             # Old and new ones together would be too much for the memory of a small machine.
             del proposals, free, ahead, soft, weighed
             proposals, free, ahead, soft = _banks(base, early, motions)

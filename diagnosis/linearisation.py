@@ -22,7 +22,9 @@ Array = NDArray[np.float64]
 PAYLOAD = "payload"
 # Beside these the runs are linearised anew: they move the parameters that columns are taken at, or their own
 # columns hold near what was fitted only.
+TRANSMISSIONS = ("joint_elasticity", "backlash")
 RELINEARISED = (
+    *TRANSMISSIONS,
     "encoder_offset",
     "encoder_eccentricity",
     PAYLOAD,

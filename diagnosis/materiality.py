@@ -49,6 +49,8 @@ SECOND_TOLD: Mapping[str, tuple[float, float, float]] = {
 # And the share of what is left there when it is taken in, or that multiple of log-likelihood: imperfections
 # that are no smaller would not let it be told from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
+# But none of them looks like these.
+UNLIKE = ("thermal_friction_drift", "encoder_eccentricity")
 # Wald's statistic of an imperfection: what has less predicts well by chance.
 SEEN = 9.0
 # Wald's statistic of what is named: five standard deviations.
@@ -72,8 +74,8 @@ HEALTHY: Mapping[str, float] = {
     "presliding_hysteresis": 0.3,
     "asymmetric_friction": 2.0,
     "stribeck_friction": 1.0,
-    # Ripple's typical range is of the torque limit, and few motions need so much.
-    "transmission_ripple": 0.4,
+    # Friction that is surely lost in warming up is more than any imperfection looks like.
+    "thermal_friction_drift": 0.35,
     "torque_delay": 12.0,
     # Joints of one bus are sampled up to a millisecond apart.
     "actuator_lag": 3.0,
@@ -116,17 +118,20 @@ LARGEST: Mapping[str, float] = {
     "encoder_eccentricity": 3.0,
     "torque_gain_error": 3.0,
     "base_tilt": 3.0,
+    "load_dependent_friction": 1.5,
     # Cables and counterbalances differ more from arm to arm.
     CABLE: 10.0,
     "gravity_spring": 10.0,
 }
+# No gear warms within so many seconds.
+WARMING, SHORTEST_WARMING = "thermal_friction_drift", 4.5
 # Springs that hold this share of what the drive can are met on any arm.
 SPRINGS, HELD = (CABLE, "gravity_spring"), 0.2
 # And of a law beside an effect's first.
 LARGEST_BY_LAW = 3.0
 # N·m are judged against this share of the joint's torque, at least.
 LEAST_SIZE = 0.006
-# No motion is free of a ripple of a hundredth of the joint's torque: an amplitude of .4 of this is beyond it.
+# No motion is free of a ripple of a hundredth of the joint's torque: an amplitude of .8 of this is beyond it.
 RIPPLE, RIPPLE_TORQUE = "transmission_ripple", 0.03
 # A spring that holds less than this share of the Coulomb friction may be any cable.
 SPRING, SPRING_COULOMB = "gravity_spring", 0.1
@@ -207,7 +212,7 @@ def is_main(
         return much or prominent or bool(shares[family.joint] > SECOND_SHARE)
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
-    if _is_large(robot, stage, best):
+    if family.effect in UNLIKE or _is_large(robot, stage, best):
         return True
     own = stage.shares(gain)[list(gain.candidate.member.rows)].max()
     if family.joint is not None and own < STANDING_OUT and best.score < PROMINENT * elsewhere:
@@ -296,6 +301,11 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
             return True
         return amount <= largest * severe if severe >= mild else amount >= severe / largest
     return True
+
+
+def is_met(candidate: Candidate) -> bool:
+    """Whether the effect's shape, however large it is, is one that arms have."""
+    return candidate.family.effect != WARMING or candidate.member.shape["time_constant"] >= SHORTEST_WARMING
 
 
 def quantities(candidate: Candidate, coefficients: Array) -> dict[str, Quantity]:

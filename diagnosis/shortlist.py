@@ -10,9 +10,10 @@ from testbench.robot import Robot
 
 from .candidates import candidate
 from .delay import likeliest_delay
-from .evidence import DELAY, Design, Fit
+from .evidence import DELAY, Design, Fit, fitted_to
+from .ground import Ground
 from .likelihood import Weighed, gained, log_likelihood, odds, price
-from .materiality import is_plausible
+from .materiality import is_met, is_plausible
 from .weighing import Bank, Stage
 
 Array = NDArray[np.float64]
@@ -20,8 +21,9 @@ Array = NDArray[np.float64]
 SHORTLIST = 4
 # What keeps less than this share of its log-likelihood once another effect is in explains the same thing.
 RIVAL_LEFT = 0.5
-# First step of a refinement, as a share of the shape's range.
-STEP = 0.12
+# First step of a refinement, as a share of the shape's range, and how many shapes are tried; where several go
+# together, more of what is taken in.
+STEP, TRIED, MORE_TRIED = 0.12, 14, 50
 
 
 def choose(
@@ -29,7 +31,8 @@ def choose(
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
     """The shortlist refined and compared by one set of weights: the best, fitted in full, and its rivals.
 
-    None where the hypothesis fits worse with any of it, fitted in full, by more than its price.
+    None where the hypothesis fits worse with any of it, fitted in full, by more than its price, and where no
+    arm has any of it.
 
     A rival is what has little left to explain once the best is in; anything else is another effect. robot:
     that sizes are relative to. material, open_: best first; of the second, what fits a listed effect's joint
@@ -37,13 +40,18 @@ def choose(
     """
     likeliest = material[:SHORTLIST]
     listed = [*likeliest, *(_best_fit(each, open_) for each in likeliest)]
-    shortlist = [_refined(robot, stage, w) for w in {w.candidate.place: w for w in listed}.values()]
+    refined = [_refined(robot, stage, w) for w in {w.candidate.place: w for w in listed}.values()]
+    shortlist = [w for w in refined if is_met(w.candidate)]
+    if not shortlist:
+        return None
     # Of many shapes one is the likelier to fit by chance.
     likelihoods = [
         log_likelihood(*stage.compared(weighed.candidate)) - float(np.log(weighed.candidate.shapes))
         for weighed in shortlist
     ]
     first, before = int(np.argmax(likelihoods)), log_likelihood(stage.hypothesis, stage.fitted)
+    if len(shortlist[first].candidate.family.refine) > 1:
+        shortlist[first] = _refined(robot, stage, shortlist[first], MORE_TRIED)
     # A delay and the timing of the log make a column of each other that only one of them at a time has. The
     # price is for rivals; here nothing is to make the fit far worse.
     if likelihoods[first] + price(stage.hypothesis, shortlist[first].candidate) <= before:
@@ -63,14 +71,23 @@ def choose(
     return best, tuple(sorted(rivals, key=lambda r: -r[1])), trial
 
 
+def refined_again(robot: Robot, base: Ground, hypothesis: Design) -> tuple[Design, Fit]:
+    """The hypothesis with the shape of its last effect sought anew, as it is on other ground; and its fit."""
+    *before, last = hypothesis.accepted
+    stage = Stage(base, *fitted_to(base.prepared, before))
+    gain = stage.gain(last)
+    assert gain is not None
+    return stage.with_effects([_refined(robot, stage, Weighed(gain, gained(stage, gain))).candidate])
+
+
 def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> Weighed:
     """The effect of the same joint that fits better than any other, though it may predict less."""
     own = [w for w in open_ if w.candidate.family.joint == likely.candidate.family.joint and w.score > 0]
     return max(own, key=lambda w: w.gain.objective, default=likely)
 
 
-def _refined(robot: Robot, stage: Stage, weighed: Weighed) -> Weighed:
-    """The family's best member at any shape near the best of its grid, if it is one that is met."""
+def _refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -> Weighed:
+    """The family's best member at any shape near this one, if it is one that is met. tried: so many."""
     prepared, family = stage.prepared, weighed.candidate.family
     if family.member is None or not weighed.candidate.member.shape:
         return weighed
@@ -104,5 +121,5 @@ def _refined(robot: Robot, stage: Stage, weighed: Weighed) -> Weighed:
     # Inward from the end of a range.
     step = np.where(start + STEP > 1, -STEP, STEP)
     simplex = np.vstack([start, start + np.diag(step)])
-    minimize(negative, start, method="Nelder-Mead", options={"maxfev": 14, "initial_simplex": simplex})
+    minimize(negative, start, method="Nelder-Mead", options={"maxfev": tried, "initial_simplex": simplex})
     return best

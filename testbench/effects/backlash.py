@@ -1,6 +1,8 @@
 """Backlash: play between motor and link."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import mujoco
@@ -44,6 +46,8 @@ SOFT_CONTACT = 0.25
 # s, of MuJoCo's limit at the ends of the gap: about as hard as the contact in simulation/transmission.py.
 LIMIT_TIME_CONSTANT = 0.004
 GAPS = (0.0004, 0.0008, 0.0014, 0.0023, 0.0037, 0.006)
+# Hz, of a hard contact with the link's own inertia: what is looked for first, and what it may be.
+CONTACT, CONTACTS = 60.0, (30.0, 160.0)
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -71,17 +75,26 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     rows = tuple(range(runs[0].joints))
-    links = [(link, gap_windup(link, 0.0)) for link in (link_row(run, joint) for run in runs)]
+    links = [link_row(run, joint) for run in runs]
+
+    @lru_cache(maxsize=2)
+    def tight(contact: float) -> list[Array]:
+        return [gap_windup(link, 0.0, contact) for link in links]
 
     def member(shape: Mapping[str, float]) -> Member:
-        columns = tuple(loose_change(link, shape["gap"], own)[:, :, None] for link, own in links)
+        gap, contact = shape["gap"], shape["contact"]
+        columns = tuple(
+            loose_change(link, gap, contact, own)[:, :, None]
+            for link, own in zip(links, tight(contact), strict=True)
+        )
         return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, 2.0))
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
         std = float(np.sqrt(max(covariance[1, 1], 0.0))) if len(covariance) > 1 else 0.0
         return {"gap": Quantity(member.shape["gap"], std, "rad")}
 
-    return grid_family(DESCRIPTION.name, joint, member, {"gap": GAPS}, parameters)
+    family = grid_family(DESCRIPTION.name, joint, member, {"gap": GAPS, "contact": (CONTACT,)}, parameters)
+    return replace(family, refine=family.refine | {"contact": CONTACTS})
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 
 # A link whose inertia re-identification has made too small or negative still moves like one.
 LEAST_INERTIA_SHARE = 1e-3
-# The hard contact at the ends of a gap, with the link's own inertia; teeth hardly bounce.
-CONTACT_FREQUENCY, CONTACT_DAMPING_RATIO = 60.0, 0.7
+# Of the contact at the ends of a gap; teeth hardly bounce.
+CONTACT_DAMPING_RATIO = 0.7
 # Hz, at least, of the steps through the gap: a contact lasts a few milliseconds.
 GAP_RATE = 4000.0
 POSES, UNLIMITED_RANGE = 64, np.pi
@@ -85,24 +85,27 @@ def elastic_change(row: LinkRow, stiffness: float, damping: float) -> Array:
     return row.run.load_change(row.joint, -windup)
 
 
-def loose_change(row: LinkRow, gap: float, tight: Array) -> Array:
+def loose_change(row: LinkRow, gap: float, contact: float, tight: Array) -> Array:
     """Change of the torque where the transmission has play, less that of its contact alone, (N, n) N·m.
 
-    gap: rad, the whole play. tight: (N, 3) ``gap_windup`` without play. Zero where the link never leaves the
-    end of the gap that it starts at: that is an offset of the encoder and nothing more.
+    gap, contact: as of ``gap_windup``. tight: (N, 3), what that is without play. Zero where the link never
+    leaves the end of the gap that it starts at: that is an offset of the encoder and nothing more.
     """
-    loose = gap_windup(row, gap)
+    loose = gap_windup(row, gap, contact)
     if (loose[:, 0] > 0).all() or (loose[:, 0] < 0).all():
         return np.zeros((row.run.samples, row.run.joints))
     return row.run.load_change(row.joint, tight - loose)
 
 
-def gap_windup(row: LinkRow, gap: float) -> Array:
-    """Windup and its two derivatives, (N, 3), of a link with this play, rad; 0 for its contact alone."""
+def gap_windup(row: LinkRow, gap: float, contact: float) -> Array:
+    """Windup and its two derivatives, (N, 3), of a link with this play, rad; 0 for its contact alone.
+
+    contact: Hz, of the teeth with the link's own inertia.
+    """
     windup = np.empty((row.run.samples, 3))
     substeps = 2 * int(np.ceil(GAP_RATE / (2 * row.run.sample_rate)))
     motion = row.load, row.by_position, row.by_velocity, row.inertia
-    _through_gap(*motion, gap, 1 / row.run.sample_rate, substeps, windup)
+    _through_gap(*motion, gap, contact, 1 / row.run.sample_rate, substeps, windup)
     return windup
 
 
@@ -141,6 +144,7 @@ def _through_gap(
     by_velocity: Array,
     inertia: Array,
     gap: float,
+    contact: float,
     timestep: float,
     substeps: int,
     out: Array,
@@ -150,7 +154,7 @@ def _through_gap(
     substeps: even, of a sample. The acceleration is the mean over a sample, as an impact is shorter than one.
     """
     half, step = 0.5 * gap, timestep / substeps
-    frequency = 2 * np.pi * CONTACT_FREQUENCY
+    frequency = 2 * np.pi * contact
     deep = load[0] / (frequency * frequency * inertia[0])
     windup = deep + half * np.sign(load[0])
     rate = middle = 0.0

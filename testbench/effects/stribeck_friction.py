@@ -40,7 +40,7 @@ DESCRIPTION = EffectDescription(
 )
 
 VELOCITIES = (0.03, 0.08, 0.16, 0.3, 0.6)
-EXPONENTS = (1.0, 2.0)
+EXPONENTS = (1.0, 1.7, 3.0)
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:

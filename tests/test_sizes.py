@@ -1,0 +1,34 @@
+"""How near the parameters of a named effect come to those that acted: laws of several shapes, springs."""
+
+import pytest
+
+from diagnosis.diagnose import diagnose
+from testbench.effects import parse_injection
+from testbench.robot import Robot
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return small_arm(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.mark.parametrize("exponent", [1.3, 2.7])
+def test_falling_friction_is_told_with_its_shape(arm, exponent):
+    true = {"extra": 1.5, "velocity": 0.3, "exponent": exponent}
+    text = ",".join(f"{name}={value}" for name, value in true.items())
+    runs = simulated_runs(arm, [parse_injection(arm, f"stribeck_friction:shoulder:{text}")], runs=3)
+    (found,) = diagnose(arm, runs).effects
+    assert (found.effect, found.joint) == ("stribeck_friction", 0)
+    for name, value in true.items():
+        assert found.parameters[name].value == pytest.approx(value, rel=0.1)
+
+
+@pytest.mark.parametrize("stiffness", [700.0, 2500.0])
+def test_the_stiffness_of_a_transmission_is_sought_at_the_load_that_it_leaves(arm, stiffness):
+    text = f"joint_elasticity:shoulder:stiffness={stiffness},damping=4"
+    (found,) = diagnose(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3)).effects
+    assert (found.effect, found.joint) == ("joint_elasticity", 0)
+    assert found.parameters["stiffness"].value == pytest.approx(stiffness, rel=0.05)
