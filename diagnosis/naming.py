@@ -32,19 +32,14 @@ Array = NDArray[np.float64]
 
 # A rival of this probability explains it as well.
 AS_WELL = 0.25
-# Friction that bends or differs by direction or with the load, bristles, teeth: what so many other joints
-# have some of, this share of it each, is how this robot's joints are, not what one of them has. And a spring
-# that presses on its joint no more than the others' imperfections do may be made of those. Unless what the
-# parameters swallow of it spares them a shift of this log-likelihood.
-SHOWN = ("stribeck_friction", "nonlinear_viscous_friction", "presliding_hysteresis", "transmission_ripple")
-SWALLOWED = ("asymmetric_friction", "load_dependent_friction")
-FRICTION = (*SHOWN, *SWALLOWED)
+# Friction that bends, bristles, teeth: of what so many other joints have some, this share of it each, or of
+# friction that differs by direction or with the load, is how this robot's joints are, not what one of them
+# has. And a spring that presses on its joint no more than the others' imperfections do may be made of those.
+# Unless what the parameters swallow of it spares them a shift of this log-likelihood.
+BENT = ("stribeck_friction", "nonlinear_viscous_friction", "presliding_hysteresis", "transmission_ripple")
+FRICTION = (*BENT, "asymmetric_friction", "load_dependent_friction")
 SUCH_JOINTS = 2
-ALIKE = (
-    (SHOWN, FRICTION, 0.38, np.inf),
-    (SWALLOWED, FRICTION, 0.38, 3.0),
-    (SPRINGS, (*FRICTION, *SPRINGS), 0.8, 7.5),
-)
+ALIKE = ((BENT, FRICTION, 0.38, np.inf), (SPRINGS, (*FRICTION, *SPRINGS), 0.8, 7.5))
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
 DWARFED = 0.02
 

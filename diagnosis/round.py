@@ -19,8 +19,8 @@ from .swallowed import swallowed
 from .unclaimed import unclaimed
 from .weighing import Bank, Gain, Stage
 
-# Three standard deviations of what shows in the parameters' shift, which tells beside them.
-SWALLOWED_WALD = 9.0
+# Four standard deviations of what shows in the parameters' shift, which tells beside them.
+SWALLOWED_WALD = 16.0
 # A push that explains so many times what any effect does is seen first: it would be taken for effects.
 FAR_MORE = 3.0
 # What gains this share of the most that any effect does may be it.

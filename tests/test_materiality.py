@@ -21,8 +21,8 @@ from diagnosis.materiality import (
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
 from identification.parameters import COULOMB, MASS
-from testbench.effects import parse_injection
-from testbench.effects.size import scale_of
+from testbench.effects import effect, parse_injection
+from testbench.effects.size import scale_of, typical_range
 
 from .diagnosed import measured_only, simulated_runs
 from .small_arm import ARM, SCARA, small_arm
@@ -115,6 +115,32 @@ def test_only_what_is_seen_for_sure_elsewhere_keeps_an_effect_from_standing_out(
     weak = replace(gain, held_out=0.1 * stage.held_squares)
     rest = [Weighed(elsewhere, 40.0)]
     assert is_main(arm, stage, stage, Weighed(weak, 40.0), (), rest) == expected
+
+
+def test_what_no_imperfection_looks_like_need_not_stand_out(tmp_path):
+    arm = small_arm(tmp_path)
+    stage, gain = _weighed(arm, "encoder_eccentricity:shoulder:amplitude=0.02", lambda member: True)
+    weak = Weighed(replace(gain, held_out=0.04 * stage.held_squares, prior=stage.prior), 30.0)
+    ripple = next(c for c in candidates(stage.prepared, only=["transmission_ripple"]) if c.family.joint == 0)
+    unit = np.eye(ripple.count)
+    alike = replace(weak.gain, candidate=ripple, coefficients=unit[0], information=100 * unit)
+    assert is_main(arm, stage, stage, weak, (), ())
+    assert not is_main(arm, stage, stage, Weighed(alike, 30.0), (), ())
+
+
+@pytest.mark.parametrize(
+    ("name", "healthy", "faulty"),
+    [("thermal_friction_drift", 0.25, 0.5), ("transmission_ripple", 0.7, 0.9), ("gravity_spring", 0.7, 0.9)],
+)
+def test_what_healthy_robots_have_differs_from_effect_to_effect(tmp_path, name, healthy, faulty):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    own = next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0)
+    mild, _ = typical_range(effect(name).DESCRIPTION.parameters[0], arm, 0)
+    # Of a joint that hardly needs torque: nothing but the typical range tells what is much.
+    torque, first = np.full(arm.joints, 1e-3), np.eye(own.count)[0]
+    assert not is_beyond_healthy(arm, torque, own, healthy * mild * first)
+    assert is_beyond_healthy(arm, torque, own, faulty * mild * first)
 
 
 @pytest.mark.parametrize(("samples", "expected"), [(0.2, False), (0.8, True)])
