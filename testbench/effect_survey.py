@@ -130,7 +130,7 @@ def _sighting(robot: Robot, injected: Injection, joint: int, run: Logged) -> Sig
 def _explained(family: Family, run: Logged, weights: Array, basis: Array, left: Array) -> float:
     """Largest share of ``left`` that one member, its coefficients in bounds, explains beside the parameters.
 
-    A family on one continuous shape is searched between the neighbours of the grid's best member too.
+    A family on continuous shapes is searched along the first between the neighbours of the grid's best too.
     """
 
     def share(member: Member) -> float:
@@ -149,11 +149,12 @@ def _explained(family: Family, run: Logged, weights: Array, basis: Array, left: 
 
     shares = [share(member) for member in family.members]
     best = max(shares, default=0.0)
-    if family.member is None or len(family.refine) != 1 or best < WORTH_REFINING:
+    if family.member is None or not family.refine or best < WORTH_REFINING:
         return best
-    ((name, _),) = family.refine.items()
-    grid = sorted(member.shape[name] for member in family.members)
-    shape = family.members[shares.index(best)].shape
+    name, shape = next(iter(family.refine)), family.members[shares.index(best)].shape
+    if name not in shape:
+        return best
+    grid = sorted({member.shape[name] for member in family.members if name in member.shape})
     near = grid.index(shape[name])
     around = grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)]
     make = family.member
