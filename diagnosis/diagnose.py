@@ -10,6 +10,7 @@ from testbench.robot import Robot
 
 from .accepted import Accepted
 from .attribution import CONFUSABLE, Attribution, attribute
+from .deviations import covariance_with_shapes
 from .evidence import Design, Fit, on_whole_runs, standard_values
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
 from .intervals import rms_interval
@@ -131,9 +132,7 @@ def _named(found: Attribution, index: int) -> NamedEffect:
     hypothesis, fitted = found.hypothesis, found.fitted
     part = hypothesis.parts[index]
     member, family = accepted.candidate.member, accepted.candidate.family
-    shapes = len(family.refine)
-    covariance = np.zeros((member.count + shapes, member.count + shapes))
-    covariance[: member.count, : member.count] = fitted.covariance[part, part]
+    covariance = covariance_with_shapes(hypothesis, fitted, index)
     return NamedEffect(
         effect=family.effect,
         joint=family.joint,
