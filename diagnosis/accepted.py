@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .candidates import Candidate
+from .healthy import SPRINGS
 from .likelihood import Weighed
-from .materiality import SPRINGS
 from .unclaimed import Unclaimed
 from .weighing import Stage
 

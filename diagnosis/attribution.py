@@ -21,9 +21,10 @@ from .flat_top import flat_tops
 from .folds import covered
 from .generic import generic_candidates
 from .ground import Ground, ground
+from .healthy import with_friction
 from .likelihood import Weighed, gained, weigh
 from .linearisation import RELINEARISED, TRANSMISSIONS, first_linearised, linearised_anew
-from .materiality import is_material, with_friction
+from .materiality import is_material
 from .naming import (
     accepted_as,
     is_dwarfed,

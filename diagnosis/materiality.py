@@ -6,19 +6,14 @@ named when it is also larger than what every healthy robot has.
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
-from testbench.effects import effect
-from testbench.effects.signature import Quantity
-from testbench.effects.size import scale_of, typical_range
 from testbench.robot import Robot
 
-from .candidates import Candidate
 from .evidence import DELAY, LATE
+from .healthy import OF_THE_LOAD, SPRING, is_beyond_healthy
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
 from .weighing import Gain, Stage
 
@@ -58,39 +53,12 @@ SMALLEST_WALD = 25.0
 # Friction that its joint's own parameters swallow leaves little, however large it is, and a delay leaves a
 # little at every joint: the size tells, where so many standard deviations less of it are still beyond a
 # healthy robot's.
-OF_THE_LOAD = "load_dependent_friction"
 TOLD_BY_SIZE = (OF_THE_LOAD, "nonlinear_viscous_friction", DELAY)
 SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # What acts near rest, where samples do not count, shows little of itself: this share of the torque is
 # enough where it is most of what is left, and its size is certain. So does friction of a load that hardly
 # changes.
 NEAR_REST, LITTLE_TORQUE, MOST_LEFT = "stribeck_friction", 0.002, 0.5
-# What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
-# friction differs by direction, and torque and position are sampled up to two milliseconds apart.
-# Small errors of an encoder are what other imperfections of a loaded joint look like.
-HEALTHY: Mapping[str, float] = {
-    # Springs that stiffen, and bristles that do not slip at first, are fitted two to three times too stiff.
-    "joint_elasticity": 0.35,
-    "presliding_hysteresis": 0.3,
-    "asymmetric_friction": 2.0,
-    "stribeck_friction": 1.0,
-    # Friction that is surely lost in warming up is more than any imperfection looks like.
-    "thermal_friction_drift": 0.35,
-    "torque_delay": 12.0,
-    # Joints of one bus are sampled up to a millisecond apart.
-    "actuator_lag": 3.0,
-    "encoder_eccentricity": 500.0,
-    "encoder_offset": 15.0,
-    # Torque constants are known to a few per cent.
-    "torque_gain_error": 1.6,
-    # A limit that clips is one, however far from the drive's rating.
-    "torque_saturation": 0.0,
-    # So is a push, however weak.
-    "external_contact": 0.0,
-}
-HEALTHY_ELSE = 0.8
-# And all torques of one sample are reported together, whenever within it they acted.
-LAG, OF_SAMPLE = "actuator_lag", 0.4
 # Whatever its size in its own terms, no healthy joint has one of these that is this share of its torque and
 # this share of what is left there: less torque, of a larger share. Of a wrist's torque cables may be as much.
 OF_THE_JOINT = (
@@ -105,51 +73,9 @@ OF_THE_JOINT = (
     "actuator_lag",
 )
 OBVIOUS = ((0.04, 0.5), (0.025, 0.8))
-# Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
-BRISTLES, SMALLEST_LEVEL = "presliding_hysteresis", 0.55
-CABLE = "cable_spring"
-# Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
-LARGEST: Mapping[str, float] = {
-    # Where no slow sample counts, any Stribeck friction seems to leave a little.
-    "stribeck_friction": 5.0,
-    "presliding_hysteresis": 3.0,
-    "joint_elasticity": 3.0,
-    "encoder_offset": 3.0,
-    "encoder_eccentricity": 3.0,
-    "torque_gain_error": 3.0,
-    "base_tilt": 3.0,
-    "load_dependent_friction": 1.5,
-    # Cables and counterbalances differ more from arm to arm.
-    CABLE: 10.0,
-    "gravity_spring": 10.0,
-}
-# No gear warms within so many seconds.
-WARMING, SHORTEST_WARMING = "thermal_friction_drift", 4.5
-# Springs that hold this share of what the drive can are met on any arm.
-SPRINGS, HELD = (CABLE, "gravity_spring"), 0.2
-# And of a law beside an effect's first.
-LARGEST_BY_LAW = 3.0
-# N·m are judged against this share of the joint's torque, at least.
-LEAST_SIZE = 0.006
-# No motion is free of a ripple of a hundredth of the joint's torque: an amplitude of .8 of this is beyond it.
-RIPPLE, RIPPLE_TORQUE = "transmission_ripple", 0.03
-# A spring that holds less than this share of the Coulomb friction may be any cable.
-SPRING, SPRING_COULOMB = "gravity_spring", 0.1
 # One that the parameters swallow must bring them nearer to the model's, but for this log-likelihood: else the
 # two only make up for each other.
 FARTHER = -2.0
-# The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the viscous
-# torque by this share, if mildly.
-BENDING, BENT = "nonlinear_viscous_friction", 0.1
-# A kilogram is much on a small arm: there a mild payload is this share of the last link, or of the heaviest's
-# hundredth where the model has next to nothing last.
-PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.8, 0.01
-# An effect's size is its first parameter, or the largest of these.
-SIZES: Mapping[str, tuple[str, ...]] = {
-    "asymmetric_friction": ("offset", "viscous_difference"),
-    "joint_coupling": ("viscous", "coulomb"),
-    "base_tilt": ("roll", "pitch"),
-}
 
 
 def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = False) -> bool:
@@ -266,103 +192,3 @@ def is_obvious(stage: Stage, gain: Gain) -> bool:
     own = list(gain.candidate.member.rows)
     torque, share = stage.torque_shares(gain)[own], stage.shares(gain)[own]
     return any(bool(np.any((torque > least) & (share > part))) for least, part in OBVIOUS)
-
-
-def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
-    """Whether an effect is larger than what a healthy robot has of it; arguments as of ``size``."""
-    name, joint = candidate.family.effect, candidate.family.joint
-    if name == BRISTLES and coefficients[0] < SMALLEST_LEVEL * scale_of("coulomb", robot, joint):
-        return False
-    if (
-        name == LAG
-        and _number(quantities(candidate, coefficients)["time_constant"]) < OF_SAMPLE * candidate.sample_time
-    ):
-        return False
-    healthy = HEALTHY.get(name, HEALTHY_ELSE)
-    return size(robot, torque_scale, candidate, coefficients) > healthy
-
-
-def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> bool:
-    """Whether the effect's parameters are within the bounds that the catalogue and experience give them."""
-    family, values = candidate.family, quantities(candidate, coefficients)
-    for parameter in effect(family.effect).DESCRIPTION.parameters:
-        if parameter.name in values:
-            value = np.asarray(values[parameter.name].value)
-            if np.any(value < parameter.lower) or np.any(value > parameter.upper):
-                return False
-    largest = LARGEST.get(family.effect) if candidate.member.law is None else LARGEST_BY_LAW
-    if largest is not None:
-        parameter = effect(family.effect).DESCRIPTION.parameters[0]
-        mild, severe = typical_range(parameter, robot, family.joint)
-        amount = _number(values[parameter.name])
-        if family.effect == CABLE:
-            amount *= _lever(robot, family.joint)
-        if family.effect in SPRINGS and amount <= HELD * scale_of("torque_limit", robot, family.joint):
-            return True
-        return amount <= largest * severe if severe >= mild else amount >= severe / largest
-    return True
-
-
-def is_met(candidate: Candidate) -> bool:
-    """Whether the effect's shape, however large it is, is one that arms have."""
-    return candidate.family.effect != WARMING or candidate.member.shape["time_constant"] >= SHORTEST_WARMING
-
-
-def quantities(candidate: Candidate, coefficients: Array) -> dict[str, Quantity]:
-    """An effect's parameters by name, without their deviations."""
-    count = candidate.count + len(candidate.family.refine)
-    return candidate.family.parameters(candidate.member, coefficients, np.zeros((count, count)))
-
-
-def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
-    """An effect's size as a multiple of the mild end of its typical range on this robot's joint.
-
-    torque_scale: (n,) N·m, a typical torque of each joint, for what has no scale of its own there.
-    """
-    family, description = candidate.family, effect(candidate.family.effect).DESCRIPTION
-    known = {parameter.name: parameter for parameter in description.parameters}
-    values = quantities(candidate, coefficients)
-    largest = 0.0
-    for name in SIZES.get(family.effect, (description.parameters[0].name,)):
-        mild, severe = typical_range(known[name], robot, family.joint)
-        if family.effect == PAYLOAD:
-            masses = robot.parameters.reshape(-1, PER_JOINT)[:, MASS]
-            mild = min(mild, OF_LAST_LINK * max(float(masses[-1]), OF_HEAVIEST * float(masses.max())))
-        if family.joint is not None and known[name].unit == "N·m":
-            least = RIPPLE_TORQUE if family.effect == RIPPLE else LEAST_SIZE
-            mild = max(mild, least * float(torque_scale[family.joint]))
-            if family.effect == SPRING:
-                mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
-            severe = max(mild, severe)
-        value = _number(values[name])
-        if family.effect == CABLE:
-            value *= _lever(robot, family.joint)
-        if family.effect == BENDING and _number(values["exponent"]) > 1:
-            assert family.joint is not None
-            # At the highest speed of the runs; beyond it nothing is known.
-            power = max(float(np.abs(column).max()) for column in candidate.member.columns)
-            value *= power
-            speed = power ** (1 / _number(values["exponent"]))
-            mild = BENT * speed * scale_of("viscous", robot, family.joint)
-        small, large = (value, mild) if severe >= mild else (mild, value)
-        largest = max(largest, small / large if large > 0 else np.inf)
-    return largest
-
-
-def _lever(robot: Robot, joint: int | None) -> float:
-    """How far from rest a cable is judged, rad (m): half of the joint's range, or one where that is more."""
-    assert joint is not None
-    return min(0.5 * float(robot.limits.upper[joint] - robot.limits.lower[joint]), 1.0)
-
-
-def _number(quantity: Quantity) -> float:
-    return float(np.max(np.abs(quantity.value)))
-
-
-def with_friction(robot: Robot, parameters: Array) -> Robot:
-    """The robot with the larger of its model's friction and these standard parameters' (14 n,)."""
-    table = robot.parameters.reshape(-1, PER_JOINT).copy()
-    fitted = parameters.reshape(-1, PER_JOINT)
-    for column in (VISCOUS, COULOMB):
-        table[:, column] = np.maximum(table[:, column], fitted[:, column])
-    return replace(robot, parameters=table.ravel())

@@ -15,15 +15,9 @@ from .accepted import Accepted
 from .candidates import SATURATION
 from .evidence import FEWEST_INDEPENDENT, Design, Fit, fitted_to, squares
 from .ground import Ground
+from .healthy import SPRINGS, is_beyond_healthy, is_excessive
 from .likelihood import Weighed, gained, gained_by_shift
-from .materiality import (
-    SMALLEST_SHARE,
-    SMALLEST_WALD,
-    SPRINGS,
-    is_beyond_healthy,
-    is_main,
-    is_obvious,
-)
+from .materiality import SMALLEST_SHARE, SMALLEST_WALD, is_main, is_obvious
 from .round import Found
 from .unclaimed import Unclaimed
 from .weighing import Stage
@@ -63,6 +57,7 @@ def accepted_as(
         *((w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL),
     ]
     beyond = is_obvious(stage, best.gain) or all(is_beyond_healthy(sized, torque_rms, *s) for s in sizes)
+    beyond = beyond and not is_excessive(sized, *sizes[0])
     # What a push leaves is where it was.
     somewhere = {a.candidate.family.joint for a in before if a.named and not a.candidate.is_event}
     main = is_main(sized, apart, stage, best, somewhere, rest)

@@ -22,8 +22,9 @@ from testbench.effects.logged import Logged
 
 from .candidates import Candidate, without_law
 from .evidence import fitted_to, standard_values
+from .healthy import BRISTLES
 from .likelihood import Weighed, gained, gained_by_shift
-from .materiality import BRISTLES, NEAR_REST
+from .materiality import NEAR_REST
 from .preparation import DEAD_ZONE, Prepared
 from .weighing import Bank, Stage
 

@@ -10,8 +10,9 @@ from testbench.effects.size import typical_range
 from testbench.robot import Robot
 
 from .candidates import Candidate
+from .healthy import SIZES, size
 from .likelihood import Weighed
-from .materiality import SIZES, SMALLEST_WALD, size
+from .materiality import SMALLEST_WALD
 
 Array = NDArray[np.float64]
 

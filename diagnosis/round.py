@@ -11,8 +11,9 @@ from testbench.robot import Robot
 from .candidates import EVENT, SATURATION
 from .contact import contact, explains_all_bursts, is_in_bursts_at_several
 from .evidence import Design, Fit
+from .healthy import is_beyond_healthy, is_plausible
 from .likelihood import Weighed, weigh
-from .materiality import SMALLEST_WALD, is_beyond_healthy, is_material, is_plausible
+from .materiality import SMALLEST_WALD, is_material
 from .saturation import Cut, saturation
 from .shortlist import choose
 from .swallowed import swallowed

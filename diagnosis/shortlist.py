@@ -12,8 +12,8 @@ from .candidates import candidate
 from .delay import likeliest_delay
 from .evidence import DELAY, Design, Fit, fitted_to
 from .ground import Ground
+from .healthy import is_plausible
 from .likelihood import Weighed, gained, log_likelihood, odds, price
-from .materiality import is_met, is_plausible
 from .weighing import Bank, Stage
 
 Array = NDArray[np.float64]
@@ -31,8 +31,7 @@ def choose(
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
     """The shortlist refined and compared by one set of weights: the best, fitted in full, and its rivals.
 
-    None where the hypothesis fits worse with any of it, fitted in full, by more than its price, and where no
-    arm has any of it.
+    None where the hypothesis fits worse with any of it, fitted in full, by more than its price.
 
     A rival is what has little left to explain once the best is in; anything else is another effect. robot:
     that sizes are relative to. material, open_: best first; of the second, what fits a listed effect's joint
@@ -40,10 +39,7 @@ def choose(
     """
     likeliest = material[:SHORTLIST]
     listed = [*likeliest, *(_best_fit(each, open_) for each in likeliest)]
-    refined = [_refined(robot, stage, w) for w in {w.candidate.place: w for w in listed}.values()]
-    shortlist = [w for w in refined if is_met(w.candidate)]
-    if not shortlist:
-        return None
+    shortlist = [_refined(robot, stage, w) for w in {w.candidate.place: w for w in listed}.values()]
     # Of many shapes one is the likelier to fit by chance.
     likelihoods = [
         log_likelihood(*stage.compared(weighed.candidate)) - float(np.log(weighed.candidate.shapes))

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from .candidates import FREE
 from .evidence import DELAY, LATE, design, fit, is_extrapolated, squares
 from .generic import RUN_TIME
+from .healthy import SPRINGS
 from .likelihood import weigh
 from .localisation import regime_shares
-from .materiality import SPRINGS
 from .noise import noise_rms
 from .spectrum import PERIODIC, SPECTRAL, slow_share
 from .weighing import Bank, Gain, Stage

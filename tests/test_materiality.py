@@ -9,15 +9,9 @@ from diagnosis.attribution import attribute
 from diagnosis.candidates import candidates
 from diagnosis.evidence import fitted_to
 from diagnosis.ground import ground
+from diagnosis.healthy import is_beyond_healthy, is_excessive, is_plausible, quantities
 from diagnosis.likelihood import Weighed
-from diagnosis.materiality import (
-    is_beyond_healthy,
-    is_main,
-    is_material,
-    is_obvious,
-    is_plausible,
-    quantities,
-)
+from diagnosis.materiality import is_main, is_material, is_obvious
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
 from identification.parameters import COULOMB, MASS
@@ -141,6 +135,22 @@ def test_what_healthy_robots_have_differs_from_effect_to_effect(tmp_path, name, 
     torque, first = np.full(arm.joints, 1e-3), np.eye(own.count)[0]
     assert not is_beyond_healthy(arm, torque, own, healthy * mild * first)
     assert is_beyond_healthy(arm, torque, own, faulty * mild * first)
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "amount", "expected"),
+    [
+        ("load_dependent_friction", {}, 0.3, True),
+        ("load_dependent_friction", {}, 0.15, False),
+        ("thermal_friction_drift", {"time_constant": 3.0}, 0.5, True),
+        ("thermal_friction_drift", {"time_constant": 10.0}, 0.5, False),
+    ],
+)
+def test_what_no_gear_has_is_something_else(tmp_path, name, shape, amount, expected):
+    arm = small_arm(tmp_path)
+    own = candidates(prepare(arm, simulated_runs(arm, [], runs=1)), only=[name])[0]
+    made = replace(own, member=replace(own.member, shape=own.member.shape | shape))
+    assert is_excessive(arm, made, amount * np.eye(own.count)[0]) == expected
 
 
 @pytest.mark.parametrize(("samples", "expected"), [(0.2, False), (0.8, True)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.attribution import attribute
-from diagnosis.materiality import quantities
+from diagnosis.healthy import quantities
 from diagnosis.preparation import prepare
 from diagnosis.saturation import cuts
 from testbench.effects import parse_injection

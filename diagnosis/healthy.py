@@ -1,0 +1,193 @@
+"""How large an effect is, against what every healthy robot has of it and what no arm has."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
+from testbench.effects import effect
+from testbench.effects.signature import Quantity
+from testbench.effects.size import scale_of, typical_range
+from testbench.robot import Robot
+
+from .candidates import Candidate
+
+Array = NDArray[np.float64]
+
+# What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
+# friction differs by direction, and torque and position are sampled up to two milliseconds apart.
+# Small errors of an encoder are what other imperfections of a loaded joint look like.
+HEALTHY: Mapping[str, float] = {
+    # Springs that stiffen, and bristles that do not slip at first, are fitted two to three times too stiff.
+    "joint_elasticity": 0.35,
+    "presliding_hysteresis": 0.3,
+    "asymmetric_friction": 2.0,
+    "stribeck_friction": 1.0,
+    # Friction that is surely lost in warming up is more than any imperfection looks like.
+    "thermal_friction_drift": 0.35,
+    "torque_delay": 12.0,
+    # Joints of one bus are sampled up to a millisecond apart.
+    "actuator_lag": 3.0,
+    "encoder_eccentricity": 500.0,
+    "encoder_offset": 15.0,
+    # Torque constants are known to a few per cent.
+    "torque_gain_error": 1.6,
+    # A limit that clips is one, however far from the drive's rating.
+    "torque_saturation": 0.0,
+    # So is a push, however weak.
+    "external_contact": 0.0,
+}
+HEALTHY_ELSE = 0.8
+# And all torques of one sample are reported together, whenever within it they acted.
+LAG, OF_SAMPLE = "actuator_lag", 0.4
+# Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
+BRISTLES, SMALLEST_LEVEL = "presliding_hysteresis", 0.55
+CABLE = "cable_spring"
+# Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
+LARGEST: Mapping[str, float] = {
+    # Where no slow sample counts, any Stribeck friction seems to leave a little.
+    "stribeck_friction": 5.0,
+    "presliding_hysteresis": 3.0,
+    "joint_elasticity": 3.0,
+    "encoder_offset": 3.0,
+    "encoder_eccentricity": 3.0,
+    "torque_gain_error": 3.0,
+    "base_tilt": 3.0,
+    # Cables and counterbalances differ more from arm to arm.
+    CABLE: 10.0,
+    "gravity_spring": 10.0,
+}
+# Springs that hold this share of what the drive can are met on any arm.
+SPRINGS, HELD = (CABLE, "gravity_spring"), 0.2
+# And of a law beside an effect's first.
+LARGEST_BY_LAW = 3.0
+# N·m are judged against this share of the joint's torque, at least.
+LEAST_SIZE = 0.006
+# No motion is free of a ripple of a hundredth of the joint's torque: an amplitude of .8 of this is beyond it.
+RIPPLE, RIPPLE_TORQUE = "transmission_ripple", 0.03
+# A spring that holds less than this share of the Coulomb friction may be any cable.
+SPRING, SPRING_COULOMB = "gravity_spring", 0.1
+# No gear loses so many times the severe end's share of its load, or warms within so many seconds: what seems
+# to is fitted, and has no name.
+OF_THE_LOAD, MOST_OF_LOAD = "load_dependent_friction", 1.5
+WARMING, SHORTEST_WARMING = "thermal_friction_drift", 4.5
+# The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the viscous
+# torque by this share, if mildly.
+BENDING, BENT = "nonlinear_viscous_friction", 0.1
+# A kilogram is much on a small arm: there a mild payload is this share of the last link, or of the heaviest's
+# hundredth where the model has next to nothing last.
+PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.8, 0.01
+# An effect's size is its first parameter, or the largest of these.
+SIZES: Mapping[str, tuple[str, ...]] = {
+    "asymmetric_friction": ("offset", "viscous_difference"),
+    "joint_coupling": ("viscous", "coulomb"),
+    "base_tilt": ("roll", "pitch"),
+}
+
+
+def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array) -> bool:
+    """Whether friction grows with load or falls with warmth as no gear's does, and so is something else's."""
+    if candidate.family.effect == WARMING:
+        return candidate.member.shape["time_constant"] < SHORTEST_WARMING
+    if candidate.family.effect != OF_THE_LOAD:
+        return False
+    (parameter,) = effect(OF_THE_LOAD).DESCRIPTION.parameters
+    _, severe = typical_range(parameter, robot, candidate.family.joint)
+    return float(coefficients[0]) > MOST_OF_LOAD * severe
+
+
+def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
+    """Whether an effect is larger than what a healthy robot has of it; arguments as of ``size``."""
+    name, joint = candidate.family.effect, candidate.family.joint
+    if name == BRISTLES and coefficients[0] < SMALLEST_LEVEL * scale_of("coulomb", robot, joint):
+        return False
+    if (
+        name == LAG
+        and _number(quantities(candidate, coefficients)["time_constant"]) < OF_SAMPLE * candidate.sample_time
+    ):
+        return False
+    healthy = HEALTHY.get(name, HEALTHY_ELSE)
+    return size(robot, torque_scale, candidate, coefficients) > healthy
+
+
+def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> bool:
+    """Whether the effect's parameters are within the bounds that the catalogue and experience give them."""
+    family, values = candidate.family, quantities(candidate, coefficients)
+    for parameter in effect(family.effect).DESCRIPTION.parameters:
+        if parameter.name in values:
+            value = np.asarray(values[parameter.name].value)
+            if np.any(value < parameter.lower) or np.any(value > parameter.upper):
+                return False
+    largest = LARGEST.get(family.effect) if candidate.member.law is None else LARGEST_BY_LAW
+    if largest is not None:
+        parameter = effect(family.effect).DESCRIPTION.parameters[0]
+        mild, severe = typical_range(parameter, robot, family.joint)
+        amount = _number(values[parameter.name])
+        if family.effect == CABLE:
+            amount *= _lever(robot, family.joint)
+        if family.effect in SPRINGS and amount <= HELD * scale_of("torque_limit", robot, family.joint):
+            return True
+        return amount <= largest * severe if severe >= mild else amount >= severe / largest
+    return True
+
+
+def quantities(candidate: Candidate, coefficients: Array) -> dict[str, Quantity]:
+    """An effect's parameters by name, without their deviations."""
+    count = candidate.count + len(candidate.family.refine)
+    return candidate.family.parameters(candidate.member, coefficients, np.zeros((count, count)))
+
+
+def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
+    """An effect's size as a multiple of the mild end of its typical range on this robot's joint.
+
+    torque_scale: (n,) N·m, a typical torque of each joint, for what has no scale of its own there.
+    """
+    family, description = candidate.family, effect(candidate.family.effect).DESCRIPTION
+    known = {parameter.name: parameter for parameter in description.parameters}
+    values = quantities(candidate, coefficients)
+    largest = 0.0
+    for name in SIZES.get(family.effect, (description.parameters[0].name,)):
+        mild, severe = typical_range(known[name], robot, family.joint)
+        if family.effect == PAYLOAD:
+            masses = robot.parameters.reshape(-1, PER_JOINT)[:, MASS]
+            mild = min(mild, OF_LAST_LINK * max(float(masses[-1]), OF_HEAVIEST * float(masses.max())))
+        if family.joint is not None and known[name].unit == "N·m":
+            least = RIPPLE_TORQUE if family.effect == RIPPLE else LEAST_SIZE
+            mild = max(mild, least * float(torque_scale[family.joint]))
+            if family.effect == SPRING:
+                mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
+            severe = max(mild, severe)
+        value = _number(values[name])
+        if family.effect == CABLE:
+            value *= _lever(robot, family.joint)
+        if family.effect == BENDING and _number(values["exponent"]) > 1:
+            assert family.joint is not None
+            # At the highest speed of the runs; beyond it nothing is known.
+            power = max(float(np.abs(column).max()) for column in candidate.member.columns)
+            value *= power
+            speed = power ** (1 / _number(values["exponent"]))
+            mild = BENT * speed * scale_of("viscous", robot, family.joint)
+        small, large = (value, mild) if severe >= mild else (mild, value)
+        largest = max(largest, small / large if large > 0 else np.inf)
+    return largest
+
+
+def _lever(robot: Robot, joint: int | None) -> float:
+    """How far from rest a cable is judged, rad (m): half of the joint's range, or one where that is more."""
+    assert joint is not None
+    return min(0.5 * float(robot.limits.upper[joint] - robot.limits.lower[joint]), 1.0)
+
+
+def _number(quantity: Quantity) -> float:
+    return float(np.max(np.abs(quantity.value)))
+
+
+def with_friction(robot: Robot, parameters: Array) -> Robot:
+    """The robot with the larger of its model's friction and these standard parameters' (14 n,)."""
+    table = robot.parameters.reshape(-1, PER_JOINT).copy()
+    fitted = parameters.reshape(-1, PER_JOINT)
+    for column in (VISCOUS, COULOMB):
+        table[:, column] = np.maximum(table[:, column], fitted[:, column])
+    return replace(robot, parameters=table.ravel())
