@@ -112,8 +112,17 @@ def _term_torques(terms: Sequence[Term], logged: Logged) -> list[Array]:
 
 
 def term_torque(term: Term, logged: Logged) -> Array:
-    """An effect's torque along one run, (N, n) N·m; zero for an event that this run does not show."""
+    """An effect's torque along one run, (N, n) N·m; zero for an event that this run does not show.
+
+    Raises InputError for shapes that the effect has not got, as those of another version.
+    """
     family = effect(term.effect).signature([logged], term.joint, term.into)
+    shapes = [sorted(each.shape) for each in family.members]
+    if shapes and sorted(term.shape) not in shapes:
+        expected = f"the shapes {' or '.join(dict.fromkeys(', '.join(each) or 'none' for each in shapes))}"
+        raise InputError(
+            "diagnosis", f"correction {term.effect}", expected, ", ".join(sorted(term.shape)) or "none"
+        )
     member = family.at(term.shape)
     if member is None or member.count != len(term.coefficients):
         return np.zeros_like(logged.q)

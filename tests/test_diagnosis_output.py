@@ -199,6 +199,15 @@ def test_every_effect_of_the_catalogue_can_be_predicted(
     assert np.any(torque != 0)
 
 
+def test_shapes_of_another_version_are_one_clear_line(answer: Diagnosis, runs: dict[str, Recording]) -> None:
+    logged = logged_motion(corrected_model(answer), runs["run_3"])
+    old = Term("thermal_friction_drift", LIFT, None, {"time_constant": 20.0, "carried": 0.0}, np.ones(2))
+    with pytest.raises(
+        InputError, match="expected the shapes carried, power, time_constant, got carried, time"
+    ):
+        term_torque(old, logged)
+
+
 def test_folder_without_a_diagnosis_is_one_clear_line(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="diagnosis.json: expected a folder that diagnose has written"):
         predict(tmp_path, folder / "unseen.h5", tmp_path / "out.h5")
