@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 NOMINAL, PARAMETERS, EFFECTS, FLOOR = "#9aa3ad", "#f0a860", "#1f77b4", "#1b7f4d"
 STAGE_NAMES = {"nominal": "as given", "parameters": "re-identified", "effects": "with the effects"}
 STAGE_COLOURS = {"nominal": NOMINAL, "parameters": PARAMETERS, "effects": EFFECTS}
+# The lowest noise floor that is drawn, as a share of the smallest bar, and the room around all.
+FLOOR_SHOWN, MARGIN = 0.05, 0.5
 MOST_CANDIDATES = 12
 POINTS = 900
 
@@ -95,9 +97,19 @@ def gap_by_joint(diagnosis: Diagnosis) -> go.Figure:
         )
     marker = {"symbol": "line-ew", "size": 30, "line": {"width": 2.5, "color": FLOOR}}
     figure.add_scatter(x=names, y=gap.noise_floor, mode="markers", name="noise floor", marker=marker)
+    # A floor that is next to nothing would leave no room for the bars.
+    bars = np.array([getattr(gap, stage) for stage in STAGES])
+    lowest = max(float(gap.noise_floor.min()), FLOOR_SHOWN * float(bars.min()))
+    limits = np.log10([MARGIN * max(lowest, np.finfo(float).tiny), float(bars.max()) / MARGIN])
     figure.update_yaxes(
-        title=f"RMS error, {torque_unit(diagnosis.robot)}", type="log", tickformat="~g", dtick="D2"
+        title=f"RMS error, {torque_unit(diagnosis.robot)}",
+        type="log",
+        tickformat="~g",
+        dtick="D2",
+        range=limits.tolist(),
     )
+    # Names may be long.
+    figure.update_xaxes(automargin=True)
     return figure
 
 
