@@ -30,10 +30,10 @@ AS_WELL = 0.25
 # friction that differs by direction or with the load, is how this robot's joints are, not what one of them
 # has. And a spring that presses on its joint no more than the others' imperfections do may be made of those.
 # Unless what the parameters swallow of it spares them a shift of this log-likelihood.
-BENT = ("stribeck_friction", "nonlinear_viscous_friction", "presliding_hysteresis", "transmission_ripple")
-FRICTION = (*BENT, "asymmetric_friction", "load_dependent_friction")
+UNEVEN = ("stribeck_friction", "nonlinear_viscous_friction", "presliding_hysteresis", "transmission_ripple")
+FRICTION = (*UNEVEN, "asymmetric_friction", "load_dependent_friction")
 SUCH_JOINTS = 2
-ALIKE = ((BENT, FRICTION, 0.38, np.inf), (SPRINGS, (*FRICTION, *SPRINGS), 0.8, 7.5))
+ALIKE = ((UNEVEN, FRICTION, 0.38, np.inf), (SPRINGS, (*FRICTION, *SPRINGS), 0.8, 7.5))
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
 DWARFED = 0.02
 

@@ -179,7 +179,7 @@ def _fastest(robot: Robot, recordings: Sequence[Recording]) -> float:
     return float(np.clip(MOST_LOGGED / (seconds * robot.joints), SLOWEST, FAST))
 
 
-def thinned(recording: Recording, fast: float = FAST) -> Recording:
+def thinned(recording: Recording, fast: float) -> Recording:
     """A fast log as means of neighbouring samples, at about so many Hz; the band in question is far below."""
     count = round(recording.sample_rate / fast)
     if count < 2:

@@ -72,8 +72,10 @@ def refined_again(robot: Robot, base: Ground, hypothesis: Design) -> tuple[Desig
     *before, last = hypothesis.accepted
     stage = Stage(base, *fitted_to(base.prepared, before))
     gain = stage.gain(last)
-    assert gain is not None
-    return stage.with_effects([_refined(robot, stage, Weighed(gain, gained(stage, gain))).candidate])
+    # A link that never leaves the end of a gap there shows none.
+    if gain is not None:
+        last = _refined(robot, stage, Weighed(gain, gained(stage, gain))).candidate
+    return stage.with_effects([last])
 
 
 def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> Weighed:

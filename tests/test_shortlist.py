@@ -1,13 +1,16 @@
 """What is fitted in full beside a hypothesis: the likeliest, what fits best, all imperfections."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to
+from diagnosis.evidence import design, fitted_to
 from diagnosis.ground import ground
 from diagnosis.likelihood import weigh
 from diagnosis.preparation import prepare
-from diagnosis.shortlist import choose
+from diagnosis.shortlist import choose, refined_again
 from diagnosis.swallowed import swallowed
 from diagnosis.weighing import Bank, Stage
 from testbench.effects import parse_injection
@@ -46,3 +49,12 @@ def test_what_fits_a_joint_best_is_listed_though_it_was_not_material(arm):
     best, rivals, _ = chosen
     assert best.candidate.family.effect == "cable_spring"
     assert [each.candidate.family.effect for each, _ in rivals] == ["gravity_spring"]
+
+
+def test_what_shows_nothing_on_other_ground_stays_as_it_was(arm):
+    prepared = prepare(arm, simulated_runs(arm, []))
+    play = candidates(prepared, only=["backlash"])[0]
+    unmoved = replace(play, filtered=tuple(np.zeros_like(run) for run in play.filtered))
+    hypothesis, fitted = refined_again(arm, ground(prepared), design(prepared, [unmoved]))
+    assert hypothesis.accepted == (unmoved,)
+    assert fitted.values[-1] == 0.0

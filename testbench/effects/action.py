@@ -160,10 +160,6 @@ class SimulatedRobot:
     rate: float
     inertia: Array
 
-    def standard(self, index: int, joint: int) -> float:
-        """A joint's standard parameter, such as identification.parameters.VISCOUS."""
-        return float(self.robot.parameters.reshape(self.robot.joints, -1)[joint, index])
-
 
 def require_joint(effect: str, joint: int | None, joints: int) -> int:
     """The joint. Raises InputError when an effect of one joint is given none, or one that is not there."""
