@@ -1,6 +1,7 @@
 """The jobs behind ``diagnose`` and ``predict``: logs in, results folder out."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from identification.errors import InputError
@@ -47,15 +48,16 @@ def diagnose_logs(
             diagnosis = diagnose(robot, recordings, without)
         with progress.step("corrected simulator"):
             not_in_mjcf = write_corrected(diagnosis, out / "corrected.xml")
-        with progress.step("closed loop"):
-            forward = forward_gap(diagnosis, recordings, jobs)
-        with progress.step("next experiment"):
+        # Most of both is outside the interpreter, and neither looks at the other.
+        with progress.step("closed loop and next experiment"), ThreadPoolExecutor(1) as aside:
+            closed = aside.submit(forward_gap, diagnosis, recordings, jobs)
             experiment = next_experiment(diagnosis, seed)
             if experiment is not None and experiment.excitation is not None:
                 assert experiment.file is not None
                 write_excitation(experiment.excitation, out / experiment.file)
+            write_session(diagnosis, out / "session.rrd", experiment)
+            forward = closed.result()
         with progress.step("report"):
             write_report(diagnosis, out / "report.html", not_in_mjcf, forward, experiment)
-            write_session(diagnosis, out / "session.rrd", experiment)
             write_diagnosis(diagnosis, out / DOCUMENT, not_in_mjcf, forward, experiment)
     return diagnosis, experiment

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from identification.base_parameters import base_parameters
 from identification.excitation.trajectory import Trajectory
-from identification.filtering import decimation_step, edge_samples, zero_phase_lowpass
 from identification.parameters import GROUPS
 from identification.regressor import regressor
 from testbench.effects import effect
 from testbench.effects.signature import Logged
 
+from .decimation import decimating_filter
 from .findings import Diagnosis
 from .imitation import left, projected_gram
 from .preparation import DEAD_ZONE, filter_cutoff
@@ -104,17 +104,12 @@ class Separation:
 
     def _rows(self, logged: Logged, blocks: Sequence[Block], count: int) -> Array:
         """All columns filtered, decimated, over the noise, without rest: (M n, count)."""
-        cutoff = filter_cutoff(logged.sample_rate)
-        trim = edge_samples(logged.sample_rate, cutoff)
-        kept = np.arange(trim, logged.samples - trim, decimation_step(logged.sample_rate, cutoff))
-        flat = np.concatenate([columns.reshape(logged.samples, -1) for columns, _ in blocks], axis=1)
-        smooth = zero_phase_lowpass(flat, logged.sample_rate, cutoff)[kept]
+        lowpass = decimating_filter(logged.sample_rate, filter_cutoff(logged.sample_rate))
+        kept = lowpass.kept(logged.samples)
         out = np.zeros((len(kept), logged.joints, count))
-        first = column = 0
+        column = 0
         for columns, reached in blocks:
-            r, k = columns.shape[1:]
-            part = smooth[:, first : first + r * k].reshape(len(kept), r, k)
-            out[:, list(reached), column : column + k] = part
-            first, column = first + r * k, column + k
+            out[:, list(reached), column : column + columns.shape[2]] = lowpass(columns)
+            column += columns.shape[2]
         moving = np.abs(logged.dq[kept]) > DEAD_ZONE
         return (out * (np.sqrt(self.weights) * moving)[:, :, None]).reshape(-1, count)
