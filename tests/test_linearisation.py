@@ -82,7 +82,7 @@ def test_a_gap_shows_once_a_tilted_base_is_part_of_what_the_gearbox_carries(arm)
     gap = next(
         each
         for each in candidates(prepared, only=["backlash"])
-        if (each.family.joint, each.member.shape["gap"]) == (LAST, 0.0023)
+        if (each.family.joint, each.member.shape["gap"]) == (LAST, 0.003)
     )
     hypothesis, before = fitted_to(prepared, [gap, tilt])
     after = linearised_anew(hypothesis, before)[1]

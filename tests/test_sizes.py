@@ -34,3 +34,11 @@ def test_the_stiffness_of_a_transmission_is_sought_at_the_load_that_it_leaves(ar
     (found,) = diagnose(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3)).effects
     assert (found.effect, found.joint) == ("joint_elasticity", 0)
     assert found.parameters["stiffness"].value == pytest.approx(stiffness, rel=0.05)
+
+
+@pytest.mark.parametrize("gap", [0.0011, 0.003])
+def test_a_play_is_told_by_when_the_link_lands_and_by_how_hard(arm, gap):
+    runs = simulated_runs(arm, [parse_injection(arm, f"backlash:shoulder:gap={gap}")], runs=3)
+    (found,) = diagnose(arm, runs).effects
+    assert (found.effect, found.joint) == ("backlash", 0)
+    assert found.parameters["gap"].value == pytest.approx(gap, rel=0.1)

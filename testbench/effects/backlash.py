@@ -37,7 +37,7 @@ DESCRIPTION = EffectDescription(
     "pulls (dead_zone); soft_contact: a contact a quarter as stiff",
     reference='Nordin & Gutman, "Controlling mechanical systems with backlash", Automatica 38, 2002',
     scope=Scope.JOINT,
-    parameters=(EffectParameter("gap", "rad", 0.0, 0.1, (0.0005, 0.006)),),
+    parameters=(EffectParameter("gap", "rad", 0.0, 0.1, (0.0001, 0.004)),),
     laws=("dead_zone", "soft_contact"),
     confused_with=("presliding_hysteresis", "stribeck_friction", "joint_elasticity"),
 )
@@ -45,7 +45,7 @@ DESCRIPTION = EffectDescription(
 SOFT_CONTACT = 0.25
 # s, of MuJoCo's limit at the ends of the gap: about as hard as the contact in simulation/transmission.py.
 LIMIT_TIME_CONSTANT = 0.004
-GAPS = (0.0004, 0.0008, 0.0014, 0.0023, 0.0037, 0.006)
+GAPS = (0.0001, 0.0002, 0.0004, 0.0008, 0.0015, 0.003, 0.006)
 # Hz, of a hard contact with the link's own inertia: what is looked for first, and what it may be.
 CONTACT, CONTACTS = 60.0, (30.0, 160.0)
 
@@ -91,7 +91,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
         std = float(np.sqrt(max(covariance[1, 1], 0.0))) if len(covariance) > 1 else 0.0
-        return {"gap": Quantity(member.shape["gap"], std, "rad")}
+        # When the link lands tells one gap, how hard it lands another where teeth are not as modelled.
+        return {"gap": Quantity(float(member.shape["gap"] * np.sqrt(max(c[0], 0.0))), std, "rad")}
 
     family = grid_family(DESCRIPTION.name, joint, member, {"gap": GAPS, "contact": (CONTACT,)}, parameters)
     return replace(family, refine=family.refine | {"contact": CONTACTS})
