@@ -18,7 +18,7 @@ from .accepted import Accepted, laws_of_position
 from .candidates import EVENT, SATURATION, Candidate, candidates
 from .evidence import Design, Fit, fitted_to, standard_values
 from .flat_top import flat_tops
-from .folds import covered
+from .folds import covered, covered_for
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .healthy import with_friction
@@ -92,12 +92,15 @@ def _grown(
     """
     # A limit and a push of the surroundings are sought in ways of their own.
     early = [*without, SATURATION, EVENT]
-    base = ground(prepared)
-    hypothesis, fitted = fitted_to(prepared, [])
-    first = hypothesis, fitted
+    original = _parameters_only(prepared)
+    proposals = Bank(original.ground, candidates(prepared, early))
+    if (foretold := covered_for(original, proposals)) is not prepared:
+        prepared, original = foretold, _parameters_only(foretold)
+        proposals = Bank(original.ground, proposals.candidates)
+    base = original.ground
+    first = hypothesis, fitted = original.hypothesis, original.fitted
     sized = with_friction(prepared.robot, standard_values(prepared, fitted.values))
-    proposals, free, ahead, soft = _banks(base, early, motions)
-    original = Stage(base, hypothesis, fitted)
+    free, ahead, soft = _other_banks(base, motions)
     search = Search(original, sized, limits, tuple(without))
     # What an effect of the whole robot explains at a joint has nothing to do with the joint's own.
     stage = apart = original
@@ -128,7 +131,8 @@ def _grown(
                 hypothesis, fitted = refined_again(sized, base, hypothesis)
             # Old and new ones together would be too much for the memory of a small machine.
             del proposals, free, ahead, soft, weighed
-            proposals, free, ahead, soft = _banks(base, early, motions)
+            proposals = Bank(base, candidates(prepared, early))
+            free, ahead, soft = _other_banks(base, motions)
         stage = Stage(base, hypothesis, fitted)
         weighed = search.open(stage, proposals)
         accepted.append(accepted_as(found, before, apart, sized, accepted, weighed))
@@ -156,12 +160,16 @@ def _grown(
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 
-def _banks(base: Ground, early: Sequence[str], motions: Sequence[Candidate]) -> tuple[Bank, Bank, Bank, Bank]:
-    """What is weighed at every stage: the catalogue but for ``early``, free functions, friction near rest."""
-    prepared = base.prepared
-    sought = candidates(prepared, early), motions, lead_candidates(prepared), soft_candidates(prepared)
-    catalogue, free, ahead, soft = (Bank(base, each) for each in sought)
-    return catalogue, free, ahead, soft
+def _parameters_only(prepared: Prepared) -> Stage:
+    """Re-identification alone."""
+    return Stage(ground(prepared), *fitted_to(prepared, []))
+
+
+def _other_banks(base: Ground, motions: Sequence[Candidate]) -> tuple[Bank, Bank, Bank]:
+    """What is weighed beside the catalogue: free functions of the motion, and friction near rest."""
+    sought = motions, lead_candidates(base.prepared), soft_candidates(base.prepared)
+    free, ahead, soft = (Bank(base, each) for each in sought)
+    return free, ahead, soft
 
 
 def _of_event(accepted: Sequence[Accepted]) -> int:

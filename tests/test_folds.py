@@ -5,9 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.folds import covered
+from diagnosis.candidates import candidates
+from diagnosis.evidence import fitted_to
+from diagnosis.folds import covered, covered_for
+from diagnosis.ground import ground
 from diagnosis.preparation import prepare
+from diagnosis.weighing import Bank, Stage
 from identification.parameters import ARMATURE, COULOMB
+from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run
 from testbench.log import Recording
 from testbench.robot import Robot
@@ -61,3 +66,19 @@ def test_of_a_single_run_in_which_joints_move_in_turn_short_parts_are_left_out(a
         torque=torque,
     )
     assert len(covered(prepare(arm, {"run_1": one})).folds) == 12
+
+
+@pytest.mark.parametrize(("acts", "folds"), [(True, [0, 0, 0, 1, 2]), (False, [0, 1, 2])])
+def test_a_run_that_alone_shows_an_effect_is_left_out_in_parts(arm, acts, folds):
+    faults = [parse_injection(arm, "backlash:elbow:gap=0.002")] if acts else []
+    runs = simulated_runs(arm, [], runs=3)
+    prepared = prepare(arm, runs | {"run_1": simulated_runs(arm, faults, runs=3)["run_1"]})
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    (play,) = (
+        each
+        for each in candidates(prepared, only=["backlash"])
+        if each.family.joint == 1 and each.member.shape["gap"] == 0.0015
+    )
+    of_one = replace(play, filtered=(play.filtered[0], *(np.zeros_like(run) for run in play.filtered[1:])))
+    found = covered_for(stage, Bank(stage.ground, [of_one]))
+    assert [run for run, _ in found.folds] == folds
