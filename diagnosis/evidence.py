@@ -133,6 +133,11 @@ class Fit:
     held_out: tuple[Array, ...]
     bounds: tuple[Array, Array]
 
+    def wald(self, part: slice) -> float:
+        """Wald's statistic of some of the values: squared standard deviations from zero, summed."""
+        own = self.values[part]
+        return float(own @ np.linalg.pinv(self.covariance[part, part]) @ own)
+
 
 class Normal:
     """Sums over each fold's used rows of one joint: X'X (F, n, p, p) and X'y (F, n, p)."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .evidence import DELAY, LATE
-from .healthy import OF_THE_LOAD, SPRING, is_beyond_healthy
+from .healthy import BRISTLES, OF_THE_LOAD, SPRING, is_beyond_healthy
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
 from .weighing import Gain, Stage
 
@@ -44,8 +44,8 @@ SECOND_TOLD: Mapping[str, tuple[float, float, float]] = {
 # And the share of what is left there when it is taken in, or that multiple of log-likelihood: imperfections
 # that are no smaller would not let it be told from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
-# But none of them looks like these.
-UNLIKE = ("thermal_friction_drift", "encoder_eccentricity")
+# But none of them looks like these; bristles are held against those of the other joints.
+UNLIKE = ("thermal_friction_drift", "encoder_eccentricity", BRISTLES)
 # Wald's statistic of an imperfection: what has less predicts well by chance.
 SEEN = 9.0
 # Wald's statistic of what is named: five standard deviations.

@@ -15,7 +15,7 @@ from .accepted import Accepted
 from .candidates import SATURATION
 from .evidence import FEWEST_INDEPENDENT, Design, Fit, fitted_to, squares
 from .ground import Ground
-from .healthy import SPRINGS, is_beyond_healthy, is_excessive
+from .healthy import BRISTLES, SPRINGS, is_beyond_healthy, is_excessive
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import SMALLEST_SHARE, SMALLEST_WALD, is_main, is_obvious
 from .round import Found
@@ -26,16 +26,20 @@ Array = NDArray[np.float64]
 
 # A rival of this probability explains it as well.
 AS_WELL = 0.25
-# Friction that bends, bristles, teeth: of what so many other joints have some, this share of it each, or of
+# Friction that bends, teeth: of what so many other joints have some, this share of it each, or of
 # friction that differs by direction or with the load, is how this robot's joints are, not what one of them
 # has. And a spring that presses on its joint no more than the others' imperfections do may be made of those.
 # Unless what the parameters swallow of it spares them a shift of this log-likelihood.
-UNEVEN = ("stribeck_friction", "nonlinear_viscous_friction", "presliding_hysteresis", "transmission_ripple")
-FRICTION = (*UNEVEN, "asymmetric_friction", "load_dependent_friction")
+UNEVEN = ("stribeck_friction", "nonlinear_viscous_friction", "transmission_ripple")
+FRICTION = (*UNEVEN, BRISTLES, "asymmetric_friction", "load_dependent_friction")
 SUCH_JOINTS = 2
 ALIKE = ((UNEVEN, FRICTION, 0.38, np.inf), (SPRINGS, (*FRICTION, *SPRINGS), 0.8, 7.5))
+# Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: they
+# have a name where this Wald's statistic tells them, and so many times that of any other joint; or where they
+# are this share of what their joint leaves.
+BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE = 80.0, 10.0, 0.85
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
-DWARFED = 0.02
+DWARFED = 0.05
 
 
 def accepted_as(
@@ -159,9 +163,22 @@ def of_one_joint(accepted: Sequence[Accepted], open_: Sequence[Weighed], last: S
                 others = np.sort(np.delete(_levels(imperfections, rest, open_, last), joint))
                 if len(others) >= SUCH_JOINTS and others[-SUCH_JOINTS] >= share * np.sqrt(item.worth):
                     found[place] = replace(item, named=False, is_everywhere=True)
+        is_little = item.candidate.family.effect == BRISTLES and item.share < BRISTLES_SHARE
+        if is_little and not _bristles_alone(place, open_, last):
+            found[place] = replace(item, named=False, is_everywhere=True)
         if found[place].named:
             faults.add(place)
     return found
+
+
+def _bristles_alone(place: int, open_: Sequence[Weighed], last: Stage) -> bool:
+    """Whether the last hypothesis's effect at this place, bristles, is far better seen than other joints'."""
+    accepted = zip(last.hypothesis.accepted, last.hypothesis.parts, strict=True)
+    seen = [(w.candidate.family, w.gain.wald) for w in open_]
+    seen += [(each.family, last.fitted.wald(part)) for each, part in accepted]
+    family, own = last.hypothesis.accepted[place].family, last.fitted.wald(last.hypothesis.parts[place])
+    others = [wald for each, wald in seen if each.effect == BRISTLES and each.joint != family.joint]
+    return own > max(BRISTLES_WALD, BRISTLES_ALONE * max(others, default=0.0))
 
 
 def _levels(

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 
-import numpy as np
-
 from testbench.robot import Robot
 
 from .candidates import EVENT, SATURATION
@@ -48,9 +46,7 @@ class Found:
         family = self.best.candidate.family
         if family.effect in (EVENT, SATURATION):
             return True
-        own = slice(-self.best.candidate.count, None)
-        fitted = self.trial[1]
-        wald = fitted.values[own] @ np.linalg.pinv(fitted.covariance[own, own]) @ fitted.values[own]
+        wald = self.trial[1].wald(slice(-self.best.candidate.count, None))
         if self.is_trace:
             return bool(wald > TRACE_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
         return bool(wald > (SWALLOWED_WALD if family.swallowed else SMALLEST_WALD))

@@ -34,3 +34,17 @@ def test_friction_that_bends_hardly_more_than_at_other_joints_is_no_joints_effec
     assert {name for name, _ in found.everywhere} <= {"nonlinear_viscous_friction", "stribeck_friction"}
     if not named:
         assert found.verdict == "parameters"
+
+
+@pytest.mark.parametrize(("others", "named"), [(0.0, [1]), (2.5, []), (0.7, [0, 1])])
+def test_bristles_have_a_name_where_other_joints_have_none_or_they_are_all_that_is_left(scara, others, named):
+    # N·m/rad, of bristles that give way with all of the joint's Coulomb friction.
+    stiff = {"fold": 1500 if others > 1 else 1000, "turn": 2000 * others}
+    faults = [
+        parse_injection(scara, f"presliding_hysteresis:{joint}:stiffness={value}")
+        for joint, value in stiff.items()
+        if value > 0
+    ]
+    found = diagnose(scara, simulated_runs(scara, faults, runs=3))
+    assert sorted(each.joint for each in found.effects) == named
+    assert {each.effect for each in found.effects} <= {"presliding_hysteresis"}
