@@ -92,10 +92,10 @@ def _grown(
     """
     # A limit and a push of the surroundings are sought in ways of their own.
     early = [*without, SATURATION, EVENT]
-    original = _parameters_only(prepared)
+    original = Stage.of(ground(prepared), [])
     proposals = Bank(original.ground, candidates(prepared, early))
     if (foretold := covered_for(original, proposals)) is not prepared:
-        prepared, original = foretold, _parameters_only(foretold)
+        prepared, original = foretold, Stage.of(ground(foretold), [])
         proposals = Bank(original.ground, proposals.candidates)
     base = original.ground
     first = hypothesis, fitted = original.hypothesis, original.fitted
@@ -153,16 +153,11 @@ def _grown(
     accepted = of_one_joint(accepted, open_, last)
     accepted = of_one_joint(told_apart_at_last(last, sized, accepted, weighed), open_, last)
     certain = [a.candidate for a in accepted if a.is_certain]
-    sure = None if len(certain) == len(accepted) else Stage(base, *fitted_to(base.prepared, certain))
+    sure = None if len(certain) == len(accepted) else Stage.of(base, certain)
     unknown = (*unclaimed(original, last, free, sure), *laws_of_position(original, last, accepted))
     hidden = not_observable(sized, base.torque_rms, open_)
     accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
-
-
-def _parameters_only(prepared: Prepared) -> Stage:
-    """Re-identification alone."""
-    return Stage(ground(prepared), *fitted_to(prepared, []))
 
 
 def _other_banks(base: Ground, motions: Sequence[Candidate]) -> tuple[Bank, Bank, Bank]:

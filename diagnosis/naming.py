@@ -124,7 +124,7 @@ def told_apart_at_last(
 def _of_robots(base: Ground, accepted: Sequence[Accepted]) -> Stage:
     """The stage with pushes and effects of the whole robot alone."""
     robots = [a.candidate for a in accepted if a.candidate.is_event or a.candidate.family.joint is None]
-    return Stage(base, *fitted_to(base.prepared, robots))
+    return Stage.of(base, robots)
 
 
 def _judged_beside(

@@ -21,7 +21,7 @@ from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects.logged import Logged
 
 from .candidates import Candidate, without_law
-from .evidence import fitted_to, standard_values
+from .evidence import standard_values
 from .healthy import BRISTLES
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import NEAR_REST
@@ -162,7 +162,7 @@ def _is_left(stage: Stage, joint: int, width: float) -> bool:
     if not falling:
         return False
     rest = [c for c in accepted if c is not falling[0]]
-    alone = Stage(stage.ground, *fitted_to(stage.prepared, rest))
+    alone = Stage.of(stage.ground, rest)
     soft, fall = alone.gain(_missing(stage.prepared, joint, width)), alone.gain(falling[0])
     return fall is not None and (soft is None or gained(alone, soft) < AS_MUCH * gained(alone, fall))
 

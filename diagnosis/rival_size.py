@@ -56,7 +56,7 @@ def _in_place_of(diagnosis: Diagnosis, first: Rival, rival: Rival) -> Sized | No
     logged = [run.logged for run in prepared.runs]
     family = effect(rival.effect).signature(logged, rival.joint, rival.into)
     members = [candidate(prepared, family, member) for member in family.members]
-    weighed = weigh(Stage(base, *fitted_to(prepared, rest)), Bank(base, members)) if members else []
+    weighed = weigh(Stage.of(base, rest), Bank(base, members)) if members else []
     if not weighed:
         return None
     best = weighed[0].candidate

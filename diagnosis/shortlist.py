@@ -10,7 +10,7 @@ from testbench.robot import Robot
 
 from .candidates import candidate
 from .delay import likeliest_delay
-from .evidence import DELAY, Design, Fit, fitted_to
+from .evidence import DELAY, Design, Fit
 from .ground import Ground
 from .healthy import is_plausible
 from .likelihood import Weighed, gained, log_likelihood, odds, price
@@ -70,7 +70,7 @@ def choose(
 def refined_again(robot: Robot, base: Ground, hypothesis: Design) -> tuple[Design, Fit]:
     """The hypothesis with the shape of its last effect sought anew, as it is on other ground; and its fit."""
     *before, last = hypothesis.accepted
-    stage = Stage(base, *fitted_to(base.prepared, before))
+    stage = Stage.of(base, before)
     gain = stage.gain(last)
     # A link that never leaves the end of a gap there shows none.
     if gain is not None:

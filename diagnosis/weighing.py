@@ -144,6 +144,11 @@ class Stage:
         self.counts, self.independent = hypothesis.counts, hypothesis.independent
         self._weighed: WeakKeyDictionary[Bank, list[Gain | None]] = WeakKeyDictionary()
 
+    @classmethod
+    def of(cls, ground: Ground, accepted: Sequence[Candidate]) -> "Stage":
+        """The hypothesis with these effects, fitted in full."""
+        return cls(ground, *fitted_to(ground.prepared, accepted))
+
     def with_effects(self, more: Sequence[Candidate]) -> tuple[Design, Fit]:
         """The hypothesis with more effects, fitted in full."""
         return fitted_to(self.prepared, [*self.hypothesis.accepted, *more])
