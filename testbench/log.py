@@ -275,11 +275,14 @@ class _Reader:
         gains: dict[str, Array] = {}
         for name in ("kp", "kd"):
             if kind != "unknown" or name in group:
+                # The format spells no unit of theirs.
                 gains[name] = self._numbers(f"controller/{name}")
-                self._units(f"controller/{name}")
         needs_smoothing = kind == "pd_with_model_feedforward"
         smoothing = self._number(group, "coulomb_smoothing") if needs_smoothing else None
-        return Controller(kind, self._number(group, "rate"), coulomb_smoothing=smoothing, **gains)
+        # What nothing is known of may have no rate either; it is not used.
+        rated = kind != "unknown" or "rate" in group.attrs
+        rate = self._number(group if rated else self.file, "rate" if rated else "sample_rate")
+        return Controller(kind, rate, coulomb_smoothing=smoothing, **gains)
 
     def _provenance(self) -> dict[str, Any]:
         if "provenance" not in self.file.attrs:

@@ -67,6 +67,24 @@ def test_only_what_is_required_need_be_there(tmp_path: Path) -> None:
     assert list(got.provenance) == ["created"]
 
 
+def test_gains_need_no_unit(tmp_path: Path) -> None:
+    write_log(recording(), tmp_path / "run.h5")
+    with h5py.File(tmp_path / "run.h5", "r+") as file:
+        for name in ("kp", "kd"):
+            del file[f"controller/{name}"].attrs["unit"]
+    assert equal(read_log(tmp_path / "run.h5").controller, recording().controller)
+
+
+def test_an_unknown_controller_needs_no_rate(tmp_path: Path) -> None:
+    write_log(recording(), tmp_path / "run.h5")
+    with h5py.File(tmp_path / "run.h5", "r+") as file:
+        for name in ("rate", "coulomb_smoothing"):
+            del file["controller"].attrs[name]
+        del file["controller/kp"], file["controller/kd"]
+        file["controller"].attrs["kind"] = "unknown"
+    assert read_log(tmp_path / "run.h5").controller == Controller("unknown", 250.0)
+
+
 def test_truth_is_left_out_unless_asked_for(tmp_path: Path) -> None:
     write_log(recording(), tmp_path / "run.h5")
     assert read_log(tmp_path / "run.h5").truth == {}
