@@ -26,8 +26,9 @@ PRIOR_WEIGHT = 1e-3
 MARGIN = 1e-3
 # A model's own pseudo-inertia is lifted to this share of its largest eigenvalue before it scales.
 NOMINAL_FLOOR = 1e-6
-# Beyond this the data need not be trusted more; it keeps the programme well scaled on exact data.
-LARGEST_INFORMATION = 1e5
+# Beyond this the data need not be trusted more; it keeps the programme well scaled on exact data. Where the
+# solver gives up, they are trusted less.
+LARGEST_INFORMATION = (1e5, 1e3, 1e2, 1e1)
 
 
 def nearest_consistent(base: BaseParameters, values: Array, root_information: Array, nominal: Array) -> Array:
@@ -42,8 +43,7 @@ def nearest_consistent(base: BaseParameters, values: Array, root_information: Ar
     unknowns = _unknowns(base, values, nominal)
     matrix = root_information @ base.projection @ unknowns.basis
     target = root_information @ (values - base.projection @ unknowns.fixed)
-    scale = min(1.0, LARGEST_INFORMATION / max(float(np.linalg.norm(matrix, 2)), np.finfo(float).tiny))
-    solution = _solve(scale * matrix, scale * target, unknowns)
+    solution = _first_solved(matrix, target, unknowns)
     # Where no constraint binds, only the prior keeps it from the values: undo that.
     mapping = base.projection @ unknowns.basis
     missing = values - base.projection @ (unknowns.fixed + unknowns.basis @ solution)
@@ -122,8 +122,24 @@ def _from_scaled(nominal: Array) -> Array:
     return np.einsum("kab,ac,bd->kcd", parameters, root, root).reshape(INERTIAL, 16)
 
 
-def _solve(matrix: Array, target: Array, unknowns: _Unknowns) -> Array:
-    """The semidefinite programme's solution x."""
+def _first_solved(matrix: Array, target: Array, unknowns: _Unknowns) -> Array:
+    """The programme's solution by as much information as the solver copes with."""
+    largest = max(float(np.linalg.norm(matrix, 2)), np.finfo(float).tiny)
+    for information in LARGEST_INFORMATION:
+        scale = min(1.0, information / largest)
+        solution = _solve(scale * matrix, scale * target, unknowns)
+        if solution is not None:
+            return solution
+    raise InputError(
+        "identification",
+        "estimator",
+        "an estimate near physically consistent parameters",
+        "a semidefinite programme that has no solution",
+    )
+
+
+def _solve(matrix: Array, target: Array, unknowns: _Unknowns) -> Array | None:
+    """The semidefinite programme's solution x; None where the solver gives up."""
     # Slow to import, and only this estimator needs it.
     import cvxpy as cp
 
@@ -142,14 +158,12 @@ def _solve(matrix: Array, target: Array, unknowns: _Unknowns) -> Array:
     with warnings.catch_warnings():
         # To its reduced tolerance it is still consistent, and the prior's faint pull is what suffers.
         warnings.filterwarnings("ignore", "Solution may be inaccurate")
-        programme.solve(solver=cp.CLARABEL, max_threads=1)
+        try:
+            programme.solve(solver=cp.CLARABEL, max_threads=1)
+        except cp.SolverError:
+            return None
     if x.value is None:
-        raise InputError(
-            "identification",
-            "estimator",
-            "an estimate near physically consistent parameters",
-            f"a semidefinite programme that is {programme.status}",
-        )
+        return None
     # The solver meets bounds to its tolerance only.
     joint_values = np.where(unknowns.signed, joint.value, np.maximum(joint.value, 0.0))
     return np.concatenate([x.value[: 16 * links], joint_values])
