@@ -22,6 +22,7 @@ from .folds import covered, covered_for
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .healthy import with_friction
+from .likeliest_shapes import at_likeliest_shapes
 from .likelihood import Weighed, gained, weigh
 from .linearisation import RELINEARISED, TRANSMISSIONS, first_linearised, linearised_anew
 from .materiality import is_material
@@ -157,6 +158,8 @@ def _grown(
     unknown = (*unclaimed(original, last, free, sure), *laws_of_position(original, last, accepted))
     hidden = not_observable(sized, base.torque_rms, open_)
     accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
+    hypothesis, fitted = at_likeliest_shapes(sized, hypothesis, fitted)
+    accepted = [replace(a, candidate=c) for a, c in zip(accepted, hypothesis.accepted, strict=True)]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 

@@ -14,6 +14,7 @@ from testbench.effects.signature import Member
 
 from .candidates import Candidate, candidate
 from .evidence import Design, Fit, Normal, scaled_precision
+from .scales import searched, share_of, within
 
 Array = NDArray[np.float64]
 
@@ -55,9 +56,9 @@ def _slopes(hypothesis: Design, effect: Candidate, coefficients: Array, names: S
     assert make is not None
 
     def along(name: str) -> list[Array]:
-        lowest, highest = effect.family.refine[name]
-        step = STEP * (highest - lowest)
-        low, high = max(shape[name] - step, lowest), min(shape[name] + step, highest)
+        lowest, highest = searched(effect, [name])
+        place = share_of(np.array([shape[name]]), lowest, highest)
+        low, high = (float(within(np.clip(place + s, 0, 1), lowest, highest)[0]) for s in (-STEP, STEP))
         ends = [
             candidate(hypothesis.prepared, effect.family, make({**shape, name: value})).filtered
             for value in (low, high)

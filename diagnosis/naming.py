@@ -36,8 +36,8 @@ SUCH_JOINTS = 2
 ALIKE = ((UNEVEN, FRICTION, 0.38, np.inf), (SPRINGS, (*FRICTION, *SPRINGS), 0.8, 7.5))
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: they
 # have a name where this Wald's statistic tells them, and so many times that of any other joint; or where they
-# are this share of what their joint leaves.
-BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE = 80.0, 10.0, 0.85
+# are this share of what their joint leaves, or of its torque.
+BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.85, 0.015
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
 DWARFED = 0.05
 
@@ -163,8 +163,9 @@ def of_one_joint(accepted: Sequence[Accepted], open_: Sequence[Weighed], last: S
                 others = np.sort(np.delete(_levels(imperfections, rest, open_, last), joint))
                 if len(others) >= SUCH_JOINTS and others[-SUCH_JOINTS] >= share * np.sqrt(item.worth):
                     found[place] = replace(item, named=False, is_everywhere=True)
-        is_little = item.candidate.family.effect == BRISTLES and item.share < BRISTLES_SHARE
-        if is_little and not _bristles_alone(place, open_, last):
+        is_little = item.share < BRISTLES_SHARE and np.sqrt(item.worth) < BRISTLES_TORQUE
+        is_bristles = item.candidate.family.effect == BRISTLES
+        if is_bristles and is_little and not _bristles_alone(place, open_, last):
             found[place] = replace(item, named=False, is_everywhere=True)
         if found[place].named:
             faults.add(place)

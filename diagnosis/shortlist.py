@@ -14,6 +14,7 @@ from .evidence import DELAY, Design, Fit
 from .ground import Ground
 from .healthy import is_plausible
 from .likelihood import Weighed, gained, log_likelihood, odds, price
+from .scales import searched, share_of, within
 from .weighing import Bank, Stage
 
 Array = NDArray[np.float64]
@@ -90,8 +91,7 @@ def _refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -
     if family.member is None or not weighed.candidate.member.shape:
         return weighed
     names = list(family.refine)
-    lower = np.array([family.refine[name][0] for name in names])
-    upper = np.array([family.refine[name][1] for name in names])
+    lower, upper = searched(weighed.candidate, names)
     member = family.member
     if family.effect == DELAY:
         # Beside the log's timing any size seems to do; its column is exact at its own alone.
@@ -103,7 +103,7 @@ def _refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -
     def negative(u: Array) -> float:
         nonlocal best
         shape = dict(weighed.candidate.member.shape)
-        shape |= dict(zip(names, _within(np.clip(u, 0, 1), lower, upper).tolist(), strict=True))
+        shape |= dict(zip(names, within(np.clip(u, 0, 1), lower, upper).tolist(), strict=True))
         gain = stage.gain(candidate(prepared, family, member(shape)))
         if gain is None:
             return 0.0
@@ -112,26 +112,9 @@ def _refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -
             best = Weighed(gain, score)
         return -score
 
-    start = _share(np.array([weighed.candidate.member.shape[name] for name in names]), lower, upper)
+    start = share_of(np.array([weighed.candidate.member.shape[name] for name in names]), lower, upper)
     # Inward from the end of a range.
     step = np.where(start + STEP > 1, -STEP, STEP)
     simplex = np.vstack([start, start + np.diag(step)])
     minimize(negative, start, method="Nelder-Mead", options={"maxfev": tried, "initial_simplex": simplex})
     return best
-
-
-def _share(values: Array, lower: Array, upper: Array) -> Array:
-    """Where values lie between bounds, 0 to 1: by their logarithm, if neither bound is zero or less."""
-    shares = np.zeros(len(values))
-    for k, (value, low, high) in enumerate(zip(values, lower, upper, strict=True)):
-        if high > low:
-            shares[k] = np.log(value / low) / np.log(high / low) if low > 0 else (value - low) / (high - low)
-    return shares
-
-
-def _within(shares: Array, lower: Array, upper: Array) -> Array:
-    """The values of ``_share``."""
-    bounds = zip(shares, lower, upper, strict=True)
-    return np.array(
-        [low * (high / low) ** u if low > 0 else low + u * (high - low) for u, low, high in bounds]
-    )

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .candidates import Candidate
+from .healthy import CABLE, SPRING
 from .likelihood import Weighed, gained_by_joint, weigh
 from .weighing import Bank, Stage
 
@@ -35,9 +36,7 @@ def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Wei
     Best first. weighed: all effects that the stage has not, best first.
     """
     after = _with_imperfections(stage, weighed)
-    hidden = [
-        w.candidate for w in weighed if w.candidate.family.swallowed or w.candidate.family.effect in TRACES
-    ]
+    hidden = [w.candidate for w in weighed if _is_hidden(w.candidate) or _is_spring(w, weighed)]
     found = weigh(after, Bank(stage.ground, hidden)) if hidden else []
     found = [each for each in found if each.score > SMALLEST_GAIN]
     return after, [each for each in found if _elsewhere(after, each) > SMALLEST_ELSEWHERE]
@@ -48,13 +47,27 @@ def _with_imperfections(stage: Stage, weighed: Sequence[Weighed]) -> Stage:
 
     One of a joint's leaves what its others do, and a moved parameter somewhere else can imitate that.
     """
-    open_ = [w for w in weighed if w.candidate.family.effect in IMPERFECTIONS]
+    open_ = [w for w in weighed if w.candidate.family.effect in IMPERFECTIONS and not _is_spring(w, weighed)]
     while best := _best_of_joints(open_):
         stage = Stage(stage.ground, *stage.with_effects(best))
         taken = {candidate.place for candidate in best}
         rest = [w.candidate for w in open_ if w.candidate.place not in taken]
         open_ = weigh(stage, Bank(stage.ground, rest)) if rest else []
     return stage
+
+
+def _is_hidden(candidate: Candidate) -> bool:
+    """Whether it leaves no more than a trace."""
+    return candidate.family.swallowed or candidate.family.effect in TRACES
+
+
+def _is_spring(cable: Weighed, weighed: Sequence[Weighed]) -> bool:
+    """Whether it is a cable that another spring at its joint explains better: beside it that has nothing."""
+    name, joint = cable.candidate.family.effect, cable.candidate.family.joint
+    return name == CABLE and any(
+        (w.candidate.family.effect, w.candidate.family.joint) == (SPRING, joint) and w.score > cable.score
+        for w in weighed
+    )
 
 
 def _best_of_joints(weighed: Sequence[Weighed]) -> list[Candidate]:

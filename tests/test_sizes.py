@@ -28,12 +28,25 @@ def test_falling_friction_is_told_with_its_shape(arm, exponent):
         assert 0 < told.std < 0.05 * value
 
 
+@pytest.mark.parametrize(("coefficient", "exponent"), [(4.0, 0.4), (2.0, 0.7)])
+def test_friction_that_bends_is_told_with_its_exponent(arm, coefficient, exponent):
+    text = f"nonlinear_viscous_friction:shoulder:coefficient={coefficient},exponent={exponent}"
+    (found,) = diagnose(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3)).effects
+    assert (found.effect, found.joint) == ("nonlinear_viscous_friction", 0)
+    for name, value in (("coefficient", coefficient), ("exponent", exponent)):
+        told = found.parameters[name]
+        assert abs(told.value - value) < 4 * told.std
+
+
 @pytest.mark.parametrize("stiffness", [700.0, 2500.0])
 def test_the_stiffness_of_a_transmission_is_sought_at_the_load_that_it_leaves(arm, stiffness):
     text = f"joint_elasticity:shoulder:stiffness={stiffness},damping=4"
     (found,) = diagnose(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3)).effects
     assert (found.effect, found.joint) == ("joint_elasticity", 0)
-    assert found.parameters["stiffness"].value == pytest.approx(stiffness, rel=0.05)
+    assert found.parameters["stiffness"].value == pytest.approx(stiffness, rel=0.02)
+    damping = found.parameters["damping"]
+    assert abs(damping.value - 4) < 4 * damping.std
+    assert 0 < damping.std < 0.1 * 4
 
 
 @pytest.mark.parametrize("gap", [0.0011, 0.003])

@@ -1,6 +1,7 @@
 """Joint elasticity: motor and link apart, joined by a spring."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -52,10 +53,11 @@ DESCRIPTION = EffectDescription(
 HARDENING_WINDUP = 4e-3
 # Share of the rotor's inertia that is put between the spring and the play of one joint in MJCF.
 BETWEEN = 0.01
-# Hz, of the joint's whole inertia on the spring: steps of a third, which a refinement closes.
-FREQUENCIES = (4.5, 6.0, 8.0, 10.7, 14.2, 19.0)
-# Of the two springs that a member mixes, with that inertia.
-DAMPING_RATIOS = (0.02, 0.1)
+# Hz, of the joint's whole inertia on the spring: steps of a third, which a refinement closes. The link alone
+# swings faster, stretched out slower.
+FREQUENCIES, LOWEST, HIGHEST = (4.5, 6.0, 8.0, 10.7, 14.2, 19.0), 3.0, 28.0
+# With that inertia: what is looked for first, and what it may be.
+DAMPING_RATIOS, LEAST_RATIO, LARGEST_RATIO = (0.03, 0.1), 0.005, 0.4
 # A spring of which less shows is as good as rigid.
 LEAST_SHARE = 1e-9
 PER_JOINT_NUMERICS = ("velocity_limit", "acceleration_limit")
@@ -90,53 +92,59 @@ def _static_windup(bus: int, parameters: int, state: int, joint: int) -> None:
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """The change of torque where the link follows the logged motor through a spring, at all joints.
 
-    One member a stiffness K. Its two coefficients mix a little and a well damped spring: with a sum of 1
-    they are a damping in between, and slow motion, which shows the windup alone, tells K over their sum.
+    One column a spring, whose coefficient is 1 where stiffness and damping are right. Slow motion shows the
+    windup alone, and so the stiffness over the coefficient.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     inertia = typical_inertia(runs[0], joint)
     links = [link_row(run, joint) for run in runs]
+    rows = tuple(range(runs[0].joints))
 
-    def dampings(stiffness: float) -> Array:
-        return np.array([2 * ratio * np.sqrt(stiffness * inertia) for ratio in DAMPING_RATIOS])
+    def damping(shape: Mapping[str, float]) -> float:
+        return 2 * shape["damping_ratio"] * float(np.sqrt(shape["stiffness"] * inertia))
 
     def member(shape: Mapping[str, float]) -> Member:
-        stiffness = shape["stiffness"]
         columns = tuple(
-            np.stack([elastic_change(link, stiffness, d) for d in dampings(stiffness)], axis=2)
-            for link in links
+            elastic_change(link, shape["stiffness"], damping(shape))[:, :, None] for link in links
         )
-        return Member(dict(shape), tuple(range(runs[0].joints)), columns, np.zeros(2), np.full(2, np.inf))
+        return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, np.inf))
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
-        stiffness = member.shape["stiffness"]
-        return _parameters(stiffness, dampings(stiffness), c, covariance)
+        shape = member.shape
+        relative = float(np.sqrt(max(covariance[2, 2], 0.0))) / shape["damping_ratio"]
+        return {
+            "stiffness": _stiffness(shape["stiffness"], float(c[0]), covariance),
+            "damping": Quantity(damping(shape), damping(shape) * relative, "N·m·s/rad"),
+        }
 
-    grid = {"stiffness": [(2 * np.pi * frequency) ** 2 * inertia for frequency in FREQUENCIES]}
-    return grid_family(DESCRIPTION.name, joint, member, grid, parameters)
+    def stiffness(frequency: float) -> float:
+        return (2 * np.pi * frequency) ** 2 * inertia
 
-
-def _parameters(shape: float, dampings: Array, c: Array, covariance: Array) -> dict[str, Quantity]:
-    """Stiffness and damping with first-order standard deviations.
-
-    shape: N·m/rad. dampings: (2,) N·m·s/rad of the columns. covariance: of c and then, if refined, the shape.
-    """
-    share = max(float(c.sum()), LEAST_SHARE)
-    # Between a resonance, where reciprocals mix, and slow motion, where the dampings do.
-    mixed = float(np.exp(np.log(dampings) @ c / share))
-    stiffness, damping = shape / share, mixed / share
-    gradients = np.array(
-        [
-            [-stiffness / share, -stiffness / share, 1 / share],
-            # The columns' dampings grow as the root of the shape.
-            [*(damping / share * (np.log(dampings / mixed) - 1)), damping / (2 * shape)],
-        ]
-    )[:, : len(covariance)]
-    std = np.sqrt(np.maximum(np.diag(gradients @ covariance @ gradients.T), 0.0))
-    return {
-        "stiffness": Quantity(stiffness, float(std[0]), "N·m/rad"),
-        "damping": Quantity(damping, float(std[1]), "N·m·s/rad"),
+    grid = {"stiffness": [stiffness(each) for each in FREQUENCIES], "damping_ratio": DAMPING_RATIOS}
+    family = grid_family(DESCRIPTION.name, joint, member, grid, parameters)
+    refine = {
+        "stiffness": (stiffness(LOWEST), stiffness(HIGHEST)),
+        "damping_ratio": (LEAST_RATIO, LARGEST_RATIO),
     }
+    return replace(family, refine=refine)
+
+
+def _stiffness(shape: float, coefficient: float, covariance: Array) -> Quantity:
+    """Stiffness with its first-order standard deviation.
+
+    shape: of the column, N·m/rad. covariance: of its coefficient and then of the shapes. A spring's own
+    coefficient is 1. As far as a resonance tells the stiffness it is that of the column, as far as slow
+    motion does it is that over the coefficient: how the two are known together says which.
+    """
+    share = max(coefficient, LEAST_SHARE)
+    varies, together = max(float(covariance[0, 0]), 0.0), 1.0
+    left = varies * (shape / share) ** 2
+    if varies > 0.0 and covariance[1, 1] > 0.0:
+        slope = float(covariance[0, 1]) / varies
+        together = min(max(slope * share / shape, 0.0), 1.0)
+        left = max(float(covariance[1, 1]) - slope**2 * varies, 0.0)
+    stiffness = shape * share**-together
+    return Quantity(stiffness, stiffness / shape * float(np.sqrt(left)), "N·m/rad")
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """Nonlinear viscous friction: a power of the speed beside the linear part."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ DESCRIPTION = EffectDescription(
     confused_with=("stribeck_friction", "thermal_friction_drift"),
 )
 
-EXPONENTS = (0.33, 0.5, 0.67, 1.5, 2.0)
+EXPONENTS, LEAST, LARGEST = (0.33, 0.5, 0.67, 1.5, 2.0), 0.25, 2.5
 # Speeds at which MuJoCo's polynomial is fitted, as shares of the speed limit.
 SPEEDS = np.linspace(0.02, 1.0, 50)
 
@@ -76,7 +77,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         return Member(dict(shape), (joint,), single_joint(columns), lower, free)
 
     named = coefficients_as_named(DESCRIPTION, ("coefficient",))
-    return grid_family(DESCRIPTION.name, joint, member, {"exponent": EXPONENTS}, named)
+    family = grid_family(DESCRIPTION.name, joint, member, {"exponent": EXPONENTS}, named)
+    return replace(family, refine={"exponent": (LEAST, LARGEST)})
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import pytest
 
 from identification.inverse_dynamics import inverse_dynamics
 from testbench.effects import effects
+from testbench.effects.link_motion import typical_inertia
 from testbench.effects.signature import Logged
 from testbench.effects.transmission_ripple import periodogram_peaks
 from testbench.robot import Robot
@@ -53,10 +54,17 @@ def test_elasticity_is_explained(arm: Robot, base: np.ndarray, logged: Logged, f
     torque = elastic_torque(arm, stiffness, 4.0)
     family = effects()["joint_elasticity"].signature([logged], J, None)
     assert unexplained(base, torque, family)[0] < 0.1
-    left, found = unexplained(base, torque, single(family, stiffness=stiffness))
-    assert left < 0.02
-    assert found["stiffness"] == pytest.approx(stiffness, rel=0.1)
-    assert found["damping"] == pytest.approx(4.0, rel=0.5)
+    ratio = 4.0 / (2 * np.sqrt(stiffness * typical_inertia(logged, J)))
+
+    def left(stiffer: float, damped: float) -> float:
+        spring = single(
+            family, stiffness=stiffer * stiffness, damping_ratio=damped * ratio / np.sqrt(stiffer)
+        )
+        return unexplained(base, torque, spring)[0]
+
+    assert left(1.0, 1.0) < 0.02
+    # Neither another stiffness nor another damping explains as much.
+    assert left(1.0, 1.0) < min(left(0.95, 1.0), left(1.05, 1.0), left(1.0, 0.7), left(1.0, 1.4))
 
 
 def test_a_link_without_inertia_keeps_its_columns_finite(logged: Logged) -> None:
