@@ -27,8 +27,9 @@ Array = NDArray[np.float64]
 # Independent samples per decimated one: the widest low-pass leaves about a quarter of the decimated band to
 # noise, and what is left beside noise is coloured too.
 INDEPENDENT = 0.25
-# So many of them, three seconds of motion, tell little more than a joint's own parameters.
-FEWEST_INDEPENDENT = 80.0
+# So many of them, three seconds of motion, tell little more than a joint's own parameters; half as many tell
+# what is next to all that those leave.
+FEWEST_INDEPENDENT, FEWEST_OF_ALL = 80.0, 40.0
 # What all runs together fit, but for this share of it, each of them was extrapolated to.
 FITTED_LEFT = 0.3
 RIDGE = 1e-12

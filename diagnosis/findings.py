@@ -161,5 +161,6 @@ class Diagnosis:
 
     @property
     def untold(self) -> tuple[int, ...]:
-        """The joints of which these runs tell too little for anything there to have a name."""
-        return tuple(np.flatnonzero(~self.final[0].is_told).tolist())
+        """The joints of which these runs tell too little for a name, and that have none."""
+        named = {joint for each in self.effects for joint in (each.joint, each.into)}
+        return tuple(j for j in np.flatnonzero(~self.final[0].is_told).tolist() if j not in named)

@@ -13,7 +13,7 @@ from testbench.robot import Robot
 
 from .accepted import Accepted
 from .candidates import SATURATION
-from .evidence import FEWEST_INDEPENDENT, Design, Fit, fitted_to, squares
+from .evidence import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design, Fit, fitted_to, squares
 from .ground import Ground
 from .healthy import BRISTLES, SPRINGS, is_beyond_healthy, is_excessive
 from .likelihood import Weighed, gained, gained_by_shift
@@ -38,6 +38,8 @@ ALIKE = ((UNEVEN, FRICTION, 0.38, np.inf), (SPRINGS, (*FRICTION, *SPRINGS), 0.8,
 # have a name where this Wald's statistic tells them, and so many times that of any other joint; or where they
 # are this share of what their joint leaves, or of its torque.
 BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.85, 0.015
+# Share of a joint's squared residual that half the motion tells for sure.
+NEARLY_ALL = 0.8
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
 DWARFED = 0.05
 
@@ -68,7 +70,9 @@ def accepted_as(
     certain = found.is_certain(stage)
     samples = stage.independent[list(best.candidate.member.rows)]
     # Of an effect of the whole robot all joints tell.
-    told = (samples.max() if best.candidate.family.joint is not None else samples.sum()) >= FEWEST_INDEPENDENT
+    told = samples.max() if best.candidate.family.joint is not None else samples.sum()
+    is_all = is_obvious(stage, best.gain) and stage.shares(best.gain).max() > NEARLY_ALL
+    enough = told >= (FEWEST_OF_ALL if is_all else FEWEST_INDEPENDENT)
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(
         candidate=best.candidate,
@@ -78,7 +82,7 @@ def accepted_as(
         share=float(stage.shares(best.gain).max()),
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
         shift=gained_by_shift(stage, best.gain),
-        named=bool(beyond and main and certain and told),
+        named=bool(beyond and main and certain and enough),
         is_certain=certain,
         is_trace=found.is_trace,
     )

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis.blind.hidden import hidden_error
+from diagnosis.correction import corrected_model
 from diagnosis.diagnose import diagnose
 from identification.errors import InputError
 from testbench.effects import parse_injection
@@ -186,6 +188,16 @@ def test_runs_that_are_too_short_are_refused(arm):
     )
     with pytest.raises(InputError, match="at least .* samples"):
         diagnose(arm, {name: short})
+
+
+@pytest.mark.parametrize(("given", "other"), [("half_1", "half_2"), ("half_2", "half_1")])
+def test_half_of_the_real_tx40_run_names_the_coupling_and_predicts_the_other(real_data, given, other):
+    folder = real_data / "tx40"
+    found = diagnose(load_robot(folder / "nominal.xml"), {given: read_log(folder / f"{given}.h5")})
+    assert [(each.effect, each.joint, each.into) for each in found.effects] == [("joint_coupling", 4, 5)]
+    error = hidden_error(corrected_model(found), read_log(folder / f"{other}.h5"))
+    torque = np.sqrt(np.sum(np.mean(read_log(folder / f"{other}.h5").torque ** 2, axis=0)))
+    assert np.linalg.norm(error.corrected) / torque < 0.105 < np.linalg.norm(error.parameters) / torque
 
 
 def test_the_real_tx40_has_its_wrist_coupling_named_first(real_data):
