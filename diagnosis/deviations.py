@@ -14,7 +14,7 @@ from testbench.effects.signature import Member
 
 from .candidates import Candidate, candidate
 from .evidence import Design, Fit, Normal, scaled_precision
-from .scales import searched, share_of, within
+from .shape_search import ranges, share_of, within
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def _slopes(hypothesis: Design, effect: Candidate, coefficients: Array, names: S
     assert make is not None
 
     def along(name: str) -> list[Array]:
-        lowest, highest = searched(effect, [name])
+        lowest, highest = ranges(effect, [name])
         place = share_of(np.array([shape[name]]), lowest, highest)
         low, high = (float(within(np.clip(place + s, 0, 1), lowest, highest)[0]) for s in (-STEP, STEP))
         ends = [

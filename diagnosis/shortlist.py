@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
+from testbench.effects.signature import Member
 from testbench.robot import Robot
 
 from .candidates import candidate
@@ -14,7 +14,7 @@ from .evidence import DELAY, Design, Fit
 from .ground import Ground
 from .healthy import is_plausible
 from .likelihood import Weighed, gained, log_likelihood, odds, price
-from .scales import searched, share_of, within
+from .shape_search import search
 from .weighing import Bank, Stage
 
 Array = NDArray[np.float64]
@@ -90,21 +90,16 @@ def _refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -
     prepared, family = stage.prepared, weighed.candidate.family
     if family.member is None or not weighed.candidate.member.shape:
         return weighed
-    names = list(family.refine)
-    lower, upper = searched(weighed.candidate, names)
-    member = family.member
     if family.effect == DELAY:
         # Beside the log's timing any size seems to do; its column is exact at its own alone.
         delay, _ = likeliest_delay(stage.hypothesis, stage.fitted)
-        gain = stage.gain(candidate(prepared, family, member({"difference": delay})))
+        gain = stage.gain(candidate(prepared, family, family.member({"difference": delay})))
         return weighed if gain is None else Weighed(gain, gained(stage, gain))
     best = weighed
 
-    def negative(u: Array) -> float:
+    def negative(shaped: Member) -> float:
         nonlocal best
-        shape = dict(weighed.candidate.member.shape)
-        shape |= dict(zip(names, within(np.clip(u, 0, 1), lower, upper).tolist(), strict=True))
-        gain = stage.gain(candidate(prepared, family, member(shape)))
+        gain = stage.gain(candidate(prepared, family, shaped))
         if gain is None:
             return 0.0
         score = gained(stage, gain)
@@ -112,9 +107,5 @@ def _refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -
             best = Weighed(gain, score)
         return -score
 
-    start = share_of(np.array([weighed.candidate.member.shape[name] for name in names]), lower, upper)
-    # Inward from the end of a range.
-    step = np.where(start + STEP > 1, -STEP, STEP)
-    simplex = np.vstack([start, start + np.diag(step)])
-    minimize(negative, start, method="Nelder-Mead", options={"maxfev": tried, "initial_simplex": simplex})
+    search(weighed.candidate, np.full(len(family.refine), STEP), tried, negative)
     return best

@@ -125,8 +125,8 @@ def _from_scaled(nominal: Array) -> Array:
 def _first_solved(matrix: Array, target: Array, unknowns: _Unknowns) -> Array:
     """The programme's solution by as much information as the solver copes with."""
     largest = max(float(np.linalg.norm(matrix, 2)), np.finfo(float).tiny)
-    for information in LARGEST_INFORMATION:
-        scale = min(1.0, information / largest)
+    # Where several would leave all of it, the same programme is not solved again.
+    for scale in dict.fromkeys(min(1.0, information / largest) for information in LARGEST_INFORMATION):
         solution = _solve(scale * matrix, scale * target, unknowns)
         if solution is not None:
             return solution

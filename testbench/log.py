@@ -280,8 +280,10 @@ class _Reader:
         needs_smoothing = kind == "pd_with_model_feedforward"
         smoothing = self._number(group, "coulomb_smoothing") if needs_smoothing else None
         # What nothing is known of may have no rate either; it is not used.
-        rated = kind != "unknown" or "rate" in group.attrs
-        rate = self._number(group if rated else self.file, "rate" if rated else "sample_rate")
+        if kind == "unknown" and "rate" not in group.attrs:
+            rate = self._number(self.file, "sample_rate")
+        else:
+            rate = self._number(group, "rate")
         return Controller(kind, rate, coulomb_smoothing=smoothing, **gains)
 
     def _provenance(self) -> dict[str, Any]:

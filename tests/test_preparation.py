@@ -11,7 +11,7 @@ from diagnosis.preparation import prepare
 from diagnosis.report.summary import summary
 from identification.errors import InputError
 from testbench.effects import parse_injection
-from testbench.log import CHANNELS, Recording
+from testbench.log import Recording
 
 from .diagnosed import RATE, simulated_runs
 from .small_arm import small_arm
@@ -92,12 +92,7 @@ def test_what_explains_nearly_all_has_a_name_in_half_the_time(tmp_path, samples,
     arm = small_arm(tmp_path)
     coupling = parse_injection(arm, "joint_coupling:shoulder:into=elbow,viscous=4,coulomb=4")
     runs = simulated_runs(arm, [coupling], runs=1)
-    found = diagnose(arm, {name: _beginning(run, samples) for name, run in runs.items()})
+    found = diagnose(arm, {name: _without(run, slice(samples, None)) for name, run in runs.items()})
     assert not found.final[0].is_told.any()
     assert [(each.effect, each.joint) for each in found.effects] == [("joint_coupling", 0)] * named
     assert found.untold == (() if named else (0, 1))
-
-
-def _beginning(run, samples):
-    channels = ("time", *(channel for _, channel, _, _ in CHANNELS if getattr(run, channel) is not None))
-    return replace(run, truth={}, **{name: getattr(run, name)[:samples] for name in channels})

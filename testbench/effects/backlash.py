@@ -1,7 +1,6 @@
 """Backlash: play between motor and link."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -94,8 +93,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         # When the link lands tells one gap, how hard it lands another where teeth are not as modelled.
         return {"gap": Quantity(float(member.shape["gap"] * np.sqrt(max(c[0], 0.0))), std, "rad")}
 
-    family = grid_family(DESCRIPTION.name, joint, member, {"gap": GAPS, "contact": (CONTACT,)}, parameters)
-    return replace(family, refine=family.refine | {"contact": CONTACTS})
+    grid = {"gap": GAPS, "contact": (CONTACT,)}
+    return grid_family(DESCRIPTION.name, joint, member, grid, parameters, wider={"contact": CONTACTS})
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

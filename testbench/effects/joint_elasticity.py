@@ -1,7 +1,6 @@
 """Joint elasticity: motor and link apart, joined by a spring."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -121,12 +120,11 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         return (2 * np.pi * frequency) ** 2 * inertia
 
     grid = {"stiffness": [stiffness(each) for each in FREQUENCIES], "damping_ratio": DAMPING_RATIOS}
-    family = grid_family(DESCRIPTION.name, joint, member, grid, parameters)
-    refine = {
+    wider = {
         "stiffness": (stiffness(LOWEST), stiffness(HIGHEST)),
         "damping_ratio": (LEAST_RATIO, LARGEST_RATIO),
     }
-    return replace(family, refine=refine)
+    return grid_family(DESCRIPTION.name, joint, member, grid, parameters, wider=wider)
 
 
 def _stiffness(shape: float, coefficient: float, covariance: Array) -> Quantity:

@@ -1,7 +1,6 @@
 """Nonlinear viscous friction: a power of the speed beside the linear part."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -77,8 +76,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         return Member(dict(shape), (joint,), single_joint(columns), lower, free)
 
     named = coefficients_as_named(DESCRIPTION, ("coefficient",))
-    family = grid_family(DESCRIPTION.name, joint, member, {"exponent": EXPONENTS}, named)
-    return replace(family, refine={"exponent": (LEAST, LARGEST)})
+    grid, wider = {"exponent": EXPONENTS}, {"exponent": (LEAST, LARGEST)}
+    return grid_family(DESCRIPTION.name, joint, member, grid, named, wider=wider)
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

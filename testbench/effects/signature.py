@@ -142,8 +142,12 @@ def grid_family(
     parameters: Callable[[Member, Array, Array], dict[str, Quantity]],
     into: int | None = None,
     swallowed: bool = False,
+    wider: Mapping[str, tuple[float, float]] | None = None,
 ) -> Family:
-    """A family on the product of a grid of shapes, each refined between its smallest and largest value."""
+    """A family on the product of a grid of shapes, each refined between its smallest and largest value.
+
+    wider: ranges that some are refined in instead.
+    """
     shapes: list[dict[str, float]] = [{}]
     for name, values in grid.items():
         shapes = [{**shape, name: float(value)} for shape in shapes for value in values]
@@ -152,7 +156,8 @@ def grid_family(
         joint=joint,
         members=tuple(member(shape) for shape in shapes),
         parameters=parameters,
-        refine={name: (float(min(values)), float(max(values))) for name, values in grid.items()},
+        refine={name: (float(min(values)), float(max(values))) for name, values in grid.items()}
+        | dict(wider or {}),
         member=member,
         into=into,
         swallowed=swallowed,
