@@ -122,7 +122,7 @@ class Fit:
     values: (p,). covariance: (p, p). weights: (n,) one over the long-run residual variance.
     objective: weighted squared residual plus prior. prior_scale: variance scale of the prior.
     residual: a run, (M, n) N·m, zero where unused. held_out: likewise, each fold predicted from the others
-    but for events, which are taken off as they were.
+    but for events, which are taken off as they were. apart: (F, p), the values that predict each fold.
     """
 
     values: Array
@@ -132,6 +132,7 @@ class Fit:
     prior_scale: float
     residual: tuple[Array, ...]
     held_out: tuple[Array, ...]
+    apart: Array
     bounds: tuple[Array, Array]
 
     def wald(self, part: slice) -> float:
@@ -224,9 +225,10 @@ def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:
         prior_scale=prior_scale,
         residual=residual,
         held_out=(),
+        apart=np.zeros((0, len(values))),
         bounds=(lower, upper),
     )
-    return replace(fitted, held_out=_held_out(hypothesis, fitted, folds, prepared.folds))
+    return _with_held_out(hypothesis, fitted, folds, prepared.folds)
 
 
 def _weights_and_scale(hypothesis: Design, normal: Normal) -> tuple[Array, float]:
@@ -253,24 +255,25 @@ def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:
         np.stack([part[of_run == run].sum(axis=0) for run, _ in whole])
         for part in Normal(hypothesis).weighted(fitted.weights)
     )
-    return replace(fitted, held_out=_held_out(hypothesis, fitted, folds, whole))
+    return _with_held_out(hypothesis, fitted, folds, whole)
 
 
-def _held_out(
+def _with_held_out(
     hypothesis: Design, fitted: Fit, sums: tuple[Array, ...], folds: Sequence[tuple[int, slice]]
-) -> tuple[Array, ...]:
-    """What is left, a run (M, n), of each fold predicted from the others. sums: the folds', weighted."""
+) -> Fit:
+    """The fit with each fold predicted from the others. sums: the folds', weighted."""
     events = np.concatenate(
         [np.zeros(hypothesis.parameters, bool), *(np.full(c.count, c.is_event) for c in hypothesis.accepted)]
     )
     held_out = [np.zeros_like(gap) for gap in hypothesis.gap]
+    apart = np.zeros((len(folds), len(fitted.values)))
     for fold, (run, part) in enumerate(folds):
         rest = tuple(np.delete(each, fold, axis=0) for each in sums)
-        apart = _values(hypothesis, rest, fitted.prior_scale, fitted.bounds)
+        apart[fold] = _values(hypothesis, rest, fitted.prior_scale, fitted.bounds)
         # No other run foretells an event: it is told apart from what the model predicts, not predicted.
-        apart[events] = fitted.values[events]
-        held_out[run][part] = _left(hypothesis, run, part, apart)
-    return tuple(held_out)
+        apart[fold, events] = fitted.values[events]
+        held_out[run][part] = _left(hypothesis, run, part, apart[fold])
+    return replace(fitted, held_out=tuple(held_out), apart=apart)
 
 
 def fitted_to(prepared: Prepared, accepted: Sequence[Candidate]) -> tuple[Design, Fit]:

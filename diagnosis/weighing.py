@@ -11,8 +11,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
+from .active_set import Inverse, at_bounds
 from .candidates import Candidate
 from .evidence import (
     RIDGE,
@@ -133,13 +133,17 @@ class Stage:
         self.parts = np.einsum("j,fjab->fab", self.weights, self.xx)
         self.precision = np.diag(scaled_precision(hypothesis, fitted.prior_scale))
         total = self.parts.sum(axis=0) + self.precision
-        self.whole = _Inverse(total)
-        self.apart = [_Inverse(total - part) for part in self.parts]
-        # At the minimum over all folds, the other folds' gradient is minus this fold's own.
-        self.shift = [
-            apart.times(-sum(self.weights[j] * x.T @ self.residual[f][j] for j, x in enumerate(self.x[f])))
-            for f, apart in enumerate(self.apart)
-        ]
+        # What is at a bound moves with no candidate.
+        self.whole = Inverse(total, at_bounds(fitted.values, fitted.bounds))
+        held_back = np.where(self.whole.fixed, self._slope(), 0.0)
+        self.apart, self.shift = [], []
+        for f, part in enumerate(self.parts):
+            apart = Inverse(total - part, at_bounds(fitted.apart[f], fitted.bounds))
+            moved = np.where(apart.fixed, fitted.apart[f] - fitted.values, 0.0)
+            # At the minimum over all folds, the other folds' gradient is minus this fold's own.
+            own = sum(self.weights[j] * x.T @ self.residual[f][j] for j, x in enumerate(self.x[f]))
+            self.apart.append(apart)
+            self.shift.append(moved + apart.times(held_back - own - (total - part) @ moved))
         self.held_squares: Array = np.sum([[np.sum(part**2) for part in fold] for fold in self.held], axis=0)
         self.counts, self.independent = hypothesis.counts, hypothesis.independent
         self._weighed: WeakKeyDictionary[Bank, list[Gain | None]] = WeakKeyDictionary()
@@ -255,6 +259,13 @@ class Stage:
             )
         return found
 
+    def _slope(self) -> Array:
+        """Half of how fast the objective falls with each unknown, (p,): zero but for what is at a bound."""
+        falls = -self.precision @ self.fitted.values
+        for x, left in zip(self.x, self.residual, strict=True):
+            falls += sum(w * each.T @ r for w, each, r in zip(self.weights, x, left, strict=True))
+        return falls
+
     def _sums(self, bank: Bank) -> "_Sums":
         folds, n = range(len(self.residual)), self.prepared.joints
         p, columns = len(self.hypothesis.precision), len(bank.owner)
@@ -350,19 +361,3 @@ def _box_minimum(matrix: Array, right: Array, lower: Array, upper: Array, x: Arr
             x[a] = new
         if largest <= CONVERGED * (1.0 + np.abs(x).max()):
             break
-
-
-class _Inverse:
-    """Products with the inverse of a symmetric positive definite matrix, scaled against its units."""
-
-    def __init__(self, matrix: Array):
-        diagonal = np.diag(matrix)
-        self.scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        scaled = matrix * np.outer(self.scale, self.scale)
-        scaled[np.diag_indices_from(scaled)] += RIDGE
-        self.factor = cho_factor(scaled, lower=True)
-
-    def times(self, right: Array) -> Array:
-        """Inverse times right, (p,) or (p, k)."""
-        scale = self.scale if right.ndim == 1 else self.scale[:, None]
-        return scale * cho_solve(self.factor, scale * right)

@@ -1,5 +1,7 @@
 """Weighing all candidates at once by the Schur complement gives what solving each hypothesis anew gives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -87,6 +89,25 @@ def test_rivals_are_compared_by_the_weights_and_the_prior_of_one_stage(stage):
         assert stage.held_squares - squares(compared.held_out) == pytest.approx(
             gain.held_out, abs=1e-4 * stage.held_squares.max()
         )
+
+
+@pytest.mark.parametrize("place", range(3))
+def test_gains_beside_what_is_at_a_bound_are_those_of_solving_anew(stage, place):
+    # Bounds that some folds' coefficients would pass, if not that of all runs.
+    (bounded, *_), others = (
+        candidates(stage.prepared, only=[name]) for name in ("stribeck_friction", "load_dependent_friction")
+    )
+    free = np.sort(fitted_to(stage.prepared, [bounded])[1].apart[:, -1])
+    upper = np.mean([free[place], free[place - 1] if place else 0.0], keepdims=True)
+    bounded = replace(bounded, member=replace(bounded.member, upper=upper))
+    beside = Stage(stage.ground, *fitted_to(stage.prepared, [bounded]))
+    assert np.sum(beside.fitted.apart[:, -1] > (1 - 1e-9) * upper) == len(free) - place
+    for candidate in others:
+        gain, (_, compared) = beside.gain(candidate), beside.compared(candidate)
+        assert beside.held_squares - squares(compared.held_out) == pytest.approx(
+            gain.held_out, abs=1e-6 * beside.held_squares.max()
+        )
+        assert beside.fitted.objective - compared.objective == pytest.approx(gain.objective, rel=1e-6)
 
 
 def test_a_direction_whose_information_was_subtracted_but_for_rounding_is_left_alone():
