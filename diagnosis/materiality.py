@@ -53,11 +53,12 @@ SMALLEST_WALD = 25.0
 # Friction that its joint's own parameters swallow leaves little, however large it is, and a delay leaves a
 # little at every joint: the size tells, where so many standard deviations less of it are still beyond a
 # healthy robot's.
-TOLD_BY_SIZE = (OF_THE_LOAD, "nonlinear_viscous_friction", DELAY)
+SWALLOWED_FRICTION = (OF_THE_LOAD, "asymmetric_friction")
+TOLD_BY_SIZE = (*SWALLOWED_FRICTION, "nonlinear_viscous_friction", DELAY)
 SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # What acts near rest, where samples do not count, shows little of itself: this share of the torque is
 # enough where it is most of what is left, and its size is certain. So does friction of a load that hardly
-# changes.
+# changes, and an offset, which first moments take up.
 NEAR_REST, LITTLE_TORQUE, MOST_LEFT = "stribeck_friction", 0.002, 0.5
 # Whatever its size in its own terms, no healthy joint has one of these that is this share of its torque and
 # this share of what is left there: less torque, of a larger share. Of a wrist's torque cables may be as much.
@@ -161,7 +162,7 @@ def _is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     own = list(gain.candidate.member.rows)
     much = stage.torque_shares(gain)[own]
     seen = much > SMALLEST_TORQUE
-    if family.effect == OF_THE_LOAD:
+    if family.effect in SWALLOWED_FRICTION:
         seen |= (much > LITTLE_TORQUE) & (stage.shares(gain)[own] > SMALLEST_SHARE)
     return bool(np.any(seen)) and _is_certainly_beyond(robot, stage, gain)
 

@@ -11,7 +11,7 @@ from .contact import contact, explains_all_bursts, is_in_bursts_at_several
 from .evidence import Design, Fit
 from .healthy import is_beyond_healthy, is_plausible
 from .likelihood import Weighed, weigh
-from .materiality import SMALLEST_WALD, is_material
+from .materiality import SMALLEST_GAIN, SMALLEST_WALD, is_material
 from .saturation import Cut, saturation
 from .shortlist import choose
 from .swallowed import swallowed
@@ -24,6 +24,9 @@ SWALLOWED_WALD = 16.0
 FAR_MORE = 3.0
 # What gains this share of the most that any effect does may be it.
 AS_MUCH = 0.7
+# Beside one that is alone nothing gains more than this share of what it does; it takes off this share of some
+# joint's RMS torque.
+BESIDE_ALONE, SEEN_ALONE = 0.4, 0.0015
 # A trace has a name from four standard deviations, with this share of some joint's rest: what misfit leaves
 # rarely has.
 TRACE_WALD, SMALLEST_TRACE = 16.0, 0.025
@@ -111,7 +114,7 @@ class Search:
         if unclaimed(self.first, stage, free):
             # What has no name leaves traces of all kinds.
             return None
-        return self._trace(stage, weighed)
+        return self._alone(stage, weighed) or self._trace(stage, weighed)
 
     def push(self, stage: Stage, free: Bank) -> Found | None:
         """A push of the surroundings, the only one."""
@@ -119,6 +122,28 @@ class Search:
             return None
         found = contact(stage, free)
         return None if found is None else Found(*found)
+
+    def _alone(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
+        """A little of one effect and of nothing else, which is not how robots are imperfect."""
+        if stage.hypothesis.accepted or not weighed:
+            return None
+        chosen = choose(self.sized, stage, weighed, weighed) if self._is_seen(stage, weighed[0]) else None
+        if chosen is None or not self._is_seen(stage, chosen[0]):
+            return None
+        best, rivals, trial = chosen
+        others = [w.candidate for w in weighed if w.candidate.place != best.candidate.place]
+        left = weigh(Stage(stage.ground, *trial), Bank(stage.ground, others))
+        if left and left[0].score > BESIDE_ALONE * best.score:
+            return None
+        return Found(best, rivals, trial, is_trace=True)
+
+    def _is_seen(self, stage: Stage, weighed: Weighed) -> bool:
+        """Whether it is there for certain, more of it than a healthy robot has, and shows in the torque."""
+        gain, torque_rms = weighed.gain, stage.ground.torque_rms
+        if weighed.score < SMALLEST_GAIN or gain.wald < SMALLEST_WALD:
+            return False
+        seen = float(stage.torque_shares(gain).max()) > SEEN_ALONE
+        return seen and is_beyond_healthy(self.sized, torque_rms, gain.candidate, gain.coefficients)
 
     def _trace(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
         """What re-identification swallows, beyond what healthy robots have of it."""
