@@ -23,8 +23,8 @@ class Accepted:
     mean squares that it took off the joints' residuals, each by its own torque, summed. shift: log-likelihood
     of the parameters' shift that it spares. named: whether it is larger than on any healthy robot.
     is_certain: whether its size is known well enough for that. is_trace: found by a trace that only shows
-    beside every joint's imperfections. is_everywhere: whether other joints are about as imperfect, so that it
-    has no name.
+    beside every joint's imperfections, or where there are none. is_everywhere: whether other joints are about
+    as imperfect, so that it has no name.
     """
 
     candidate: Candidate

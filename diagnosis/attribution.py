@@ -142,8 +142,7 @@ def _grown(
             accepted = judged_again(base, sized, accepted, weighed)
         if taken_in.joint is None:
             apart = stage
-        if found.is_trace:
-            # It was sought last; beside it, any other trace is a rest of it.
+        if found.is_last:
             break
     accepted, hypothesis, fitted = _pruned(base, sized, accepted, hypothesis, fitted)
     if SATURATION not in without:

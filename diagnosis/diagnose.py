@@ -29,6 +29,8 @@ PARAMETERS_TORQUE = 0.01
 # How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases
 # (docs/blind.md): of the first that is named, of the second, and of those after it.
 NAMED = (0.97, 0.87, 0.4)
+# Re-identified parameters that leave less than this multiple of the noise hide what acts.
+HIDDEN = 1.03
 
 
 def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
@@ -225,5 +227,8 @@ def _sentence(
         # A drive that reports what it gave: see flat_top.py.
         named = ", ".join(parts)
         return f"There is {named}: along the measured motion it leaves no gap, in closed loop it does."
-    shrink = "" if closed is None else f"; with it the reducible gap shrinks by {closed:.0%}"
+    if closed is None or np.sum(gap.parameters) < HIDDEN * np.sum(gap.noise_floor):
+        shrink = "; re-identified parameters would hide it along these motions"
+    else:
+        shrink = f"; it explains {closed:.0%} of what re-identified parameters leave above the noise"
     return f"The gap comes from {', '.join(parts)}{shrink}."

@@ -55,19 +55,20 @@ def _refined(robot: Robot, hypothesis: Design, fitted: Fit, place: int, least_st
     others = design(prepared, [*hypothesis.accepted[:place], *hypothesis.accepted[place + 1 :]])
     # By the weights of the whole: without the effect its joint would seem to be the noisier.
     stage = Stage(ground(prepared), others, fit(prepared, others, like=fitted))
-    before = stage.gain(each)
+    before = stage.exactly(each)
     if before is None:
         return each
-    best, most = each, before.objective
+    best, most = each, before[0]
 
     def negative(shaped: Member) -> float:
         nonlocal best, most
-        gain = stage.gain(candidate(prepared, each.family, shaped))
-        if gain is None or not is_plausible(robot, gain.candidate, gain.coefficients):
+        tried = candidate(prepared, each.family, shaped)
+        found = stage.exactly(tried)
+        if found is None or not is_plausible(robot, tried, found[1]):
             return 0.0
-        if gain.objective > most:
-            best, most = gain.candidate, gain.objective
-        return -gain.objective
+        if found[0] > most:
+            best, most = tried, found[0]
+        return -found[0]
 
     steps = np.clip(_deviations(hypothesis, fitted, place), least_step, MOST_STEP)
     search(each, steps, TRIED * len(steps), negative)

@@ -34,12 +34,16 @@ TRACE_WALD, SMALLEST_TRACE = 16.0, 0.025
 
 @dataclass(frozen=True)
 class Found:
-    """What a round takes in, with its rivals and the hypothesis that has it. is_trace: as of Accepted."""
+    """What a round takes in, with its rivals and the hypothesis that has it.
+
+    is_trace: as of Accepted. is_last: beside it, any other trace is a rest of it.
+    """
 
     best: Weighed
     rivals: tuple[tuple[Weighed, float], ...]
     trial: tuple[Design, Fit]
     is_trace: bool = False
+    is_last: bool = False
 
     def is_certain(self, stage: Stage) -> bool:
         """Whether its size is known well enough for a name.
@@ -160,7 +164,7 @@ class Search:
         if chosen is None:
             return None
         best, rivals, _ = chosen
-        return Found(best, rivals, stage.with_effects([best.candidate]), is_trace=True)
+        return Found(best, rivals, stage.with_effects([best.candidate]), is_trace=True, is_last=True)
 
 
 def _is_likelier_there(one: Weighed, other: Weighed) -> bool:

@@ -24,6 +24,7 @@ from .evidence import (
     fitted_to,
     log_prior,
     scaled_precision,
+    solve,
     squares,
 )
 from .ground import Ground
@@ -193,6 +194,24 @@ class Stage:
     def gain(self, candidate: Candidate) -> Gain | None:
         """What one candidate adds; None where its columns are zero on these runs."""
         return self.gains(Bank(self.ground, [candidate]))[0]
+
+    def exactly(self, candidate: Candidate) -> tuple[float, Array] | None:
+        """The drop of the objective, and the candidate's coefficients (k,), with all unknowns within bounds.
+
+        What is at a bound without it may leave it. None where its columns are zero on these runs.
+        """
+        bank = Bank(self.ground, [candidate])
+        sums = self._sums(bank)
+        own = np.einsum("j,fjab->ab", self.weights, bank.squares[0][0])
+        if not np.any(np.diag(own) > 0):
+            return None
+        cross, member, values = sums.cross.sum(axis=0), candidate.member, self.fitted.values
+        matrix = np.block([[self.parts.sum(axis=0) + self.precision, cross.T], [cross, own]])
+        right = np.concatenate([self._slope(), sums.right.sum(axis=0)])
+        lower, upper = (bound - values for bound in self.fitted.bounds)
+        lower, upper = np.concatenate([lower, member.lower]), np.concatenate([upper, member.upper])
+        moved = solve(matrix, right, lower, upper)
+        return float(moved @ (2 * right - matrix @ moved)), moved[len(values) :]
 
     def gains(self, bank: Bank) -> list[Gain | None]:
         """What each candidate of the bank adds; None where its columns are zero on these runs."""

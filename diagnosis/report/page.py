@@ -131,5 +131,7 @@ def _tiles(diagnosis: Diagnosis) -> list[Tile]:
     tiles.append(Tile(f"{total['nominal']:.3g} {unit}", "torque error, model as given"))
     tiles.append(Tile(f"{total['effects']:.3g} {unit}", "after correction"))
     if gap.closed is not None and diagnosis.effects:
-        tiles.append(Tile(f"{100 * gap.closed:.0f} %", "of the reducible gap closed", gap.closed >= 0.8))
+        tiles.append(
+            Tile(f"{100 * gap.closed:.0f} %", "of re-identification's rest explained", gap.closed >= 0.8)
+        )
     return tiles
