@@ -17,6 +17,8 @@ from .parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT, VISCOUS, inertia
 Array = NDArray[np.float64]
 
 HINGE, SLIDE = 3, 2
+# mjtDisableBit.mjDSBL_GRAVITY
+GRAVITY_DISABLED = 1 << 7
 JOINT_TYPES = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 
 
@@ -88,9 +90,14 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
         is_slide=np.asarray(model.jnt_type) == SLIDE,
         rotation=rotations,
         translation=translations,
-        gravity=np.array(model.opt.gravity),
+        gravity=gravity(model),
     )
     return chain, parameters.ravel()
+
+
+def gravity(model: Any) -> Array:
+    """Gravity (3,) m/s² of a compiled ``mujoco.MjModel``, in the world frame; zero where disabled."""
+    return np.zeros(3) if model.opt.disableflags & GRAVITY_DISABLED else np.array(model.opt.gravity)
 
 
 def _require_serial_arm(model: Any) -> None:

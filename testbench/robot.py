@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from identification.chain import Chain, chain_from_model
 from identification.errors import InputError
 
+from .unmodelled_forces import unmodelled_forces
+
 Array = NDArray[np.float64]
+
+# Name of the custom text by which a model says which of its forces effects put there.
+EFFECTS_WRITTEN = "effects_written"
+# Forces that a refusal names.
+NAMED_FORCES = 3
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,7 @@ def load_robot(path: str | Path) -> Robot:
     Joint limits come from ``range`` and ``actuatorfrcrange`` (or the ``ctrlrange``/``forcerange``
     of a motor on the joint); velocity and acceleration limits, which MJCF has no field for, from
     ``<custom><numeric name="velocity_limit" data="..."/>`` and ``acceleration_limit``, rad/s and
-    rad/s², one value a joint. Raises InputError.
+    rad/s², one value a joint. Raises InputError, also for a model with forces that would be ignored.
     """
     path = Path(path)
     if not path.is_file():
@@ -76,11 +83,26 @@ def load_robot(path: str | Path) -> Robot:
         raise InputError(path, "model", "XML that MuJoCo loads", str(error)) from None
     try:
         chain, parameters = chain_from_model(model)
+        _require_known_forces(model)
         limits = _limits(model)
     except InputError as error:
         raise error.located(path) from None
     name = model.names[: model.names.index(b"\0")].decode() or path.stem
     return Robot(name, path, model, chain, parameters, limits)
+
+
+def _require_known_forces(model: mujoco.MjModel) -> None:
+    """Raise InputError for a model with forces that nothing here reckons with."""
+    found = unmodelled_forces(model)
+    if not found:
+        return
+    got = ", ".join(found[:NAMED_FORCES])
+    if len(found) > NAMED_FORCES:
+        got += f" and {len(found) - NAMED_FORCES} more"
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, EFFECTS_WRITTEN) >= 0:
+        raise InputError("model", "forces", "the model that this corrected simulator was made from", got)
+    expected = "rigid bodies with armature, damping, frictionloss and gravity"
+    raise InputError("model", "forces", expected, f"{got}; take it out of the model, simulate has --effect")
 
 
 def _leave_no_log_file() -> None:

@@ -17,7 +17,8 @@ import numpy as np
 from identification.errors import InputError
 
 from ..files import replacing
-from ..robot import Robot
+from ..robot import EFFECTS_WRITTEN, Robot
+from ..unmodelled_forces import unmodelled_forces
 from .base import Injection
 
 
@@ -89,10 +90,13 @@ def file_angle(spec: Any, robot: Robot, joint: int, value: float) -> float:
 
 
 def _compiled(spec: Any, robot: Robot, folder: Path) -> Any:
-    """The spec, once it is sure that MuJoCo compiles it from that folder."""
+    """The spec, once it is sure that MuJoCo compiles it from that folder; it says which forces it has."""
     try:
         spec.modelfiledir = str(folder)
-        spec.compile()
+        forces = unmodelled_forces(spec.compile())
+        if forces and spec.text(EFFECTS_WRITTEN) is None:
+            spec.add_text(name=EFFECTS_WRITTEN, data=", ".join(forces))
+            spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(robot.path, "effects", "effects that MJCF can carry together", error) from None
     return spec

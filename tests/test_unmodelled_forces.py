@@ -1,0 +1,103 @@
+"""Forces of a model that nothing reckons with are told when it is loaded, not passed over."""
+
+import mujoco
+import pytest
+
+from identification.errors import InputError
+from testbench.effects import parse_injection
+from testbench.effects.mjcf_form import write_effects
+from testbench.robot import load_robot
+from testbench.unmodelled_forces import unmodelled_forces
+
+from .small_arm import ARM, small_arm
+
+
+def _with(elements: str = "", shoulder: str = "", lower: str = "", option: str = "") -> str:
+    text = ARM.replace('<joint name="shoulder"', f'<joint name="shoulder" {shoulder}')
+    text = text.replace('<body name="lower"', f'<body name="lower" {lower}')
+    return text.replace("<worldbody>", f"{option}<worldbody>").replace("</mujoco>", f"{elements}</mujoco>")
+
+
+def _tendon(attributes: str) -> str:
+    joints = '<joint joint="shoulder" coef="1"/><joint joint="elbow" coef="1"/>'
+    return f'<tendon><fixed name="t" {attributes}>{joints}</fixed></tendon>'
+
+
+def _actuator(element: str) -> str:
+    return f"<actuator>{element}</actuator>"
+
+
+DCMOTOR = 'dcmotor name="a" joint="elbow" resistance="1" motorconst=".1"'
+SPRING = '<general name="a" joint="elbow" gainprm="0" biastype="affine" biasprm="0 -5 0"/>'
+FORCES = {
+    "stiffness 20 of joint shoulder": _with(shoulder='stiffness="20" springref=".3"'),
+    "stiffness 0 0 7 of joint shoulder": _with(shoulder='stiffness="0 0 7"'),
+    "damping 3 2 of joint shoulder": _with().replace('damping="3"', 'damping="3 2"'),
+    "gravcomp 0.5 of body lower": _with(lower='gravcomp=".5"'),
+    "stiffness 4 of tendon t": _with(_tendon('stiffness="4"')),
+    "damping 2 of tendon t": _with(_tendon('damping="2"')),
+    "option density 1.2": _with(option='<option density="1.2"/>'),
+    "option viscosity 0.1": _with(option='<option viscosity=".1"/>'),
+    "equality weld w": _with('<equality><weld name="w" body1="lower"/></equality>'),
+    "armature 0.2 of actuator a": _with(_actuator('<motor name="a" joint="elbow" armature=".2"/>')),
+    "damping 3 of actuator a": _with(_actuator('<motor name="a" joint="elbow" damping="3"/>')),
+    "cogging 0.4 of actuator a": _with(_actuator(f'<{DCMOTOR} cogging=".4 6 0"/>')),
+    "LuGre friction of actuator a": _with(_actuator(f'<{DCMOTOR} lugre="900 1 2 3 .1"/>')),
+    "back-EMF of actuator a, which has no input": _with(_actuator(f'<{DCMOTOR} input="none"/>')),
+    "bias 0 -5 of actuator a, which has no gain": _with(_actuator(SPRING)),
+}
+HARMLESS = {
+    "zero values": _with(_tendon(""), 'stiffness="0" springref=".3"'),
+    "an inactive equality": _with('<equality><weld body1="lower" active="false"/></equality>'),
+    "wind in a vacuum": _with(option='<option wind="1 0 0"/>'),
+    "compensated gravity where there is none": _with(
+        lower='gravcomp="1"', option='<option><flag gravity="disable"/></option>'
+    ),
+    "drives": _with(
+        _actuator(
+            '<motor joint="elbow"/><position joint="elbow" kp="50" kv="2"/><velocity joint="elbow"/>'
+            f"<{DCMOTOR}/>"
+        )
+    ),
+    "contacts switched off": _with(option='<option><flag contact="disable"/></option>'),
+}
+
+
+@pytest.mark.parametrize("force", FORCES)
+def test_a_force_that_nothing_reckons_with_is_told_with_its_value_and_element(force):
+    assert unmodelled_forces(mujoco.MjModel.from_xml_string(FORCES[force])) == (force,)
+
+
+@pytest.mark.parametrize("model", HARMLESS)
+def test_what_exerts_no_force_is_let_pass(model):
+    assert unmodelled_forces(mujoco.MjModel.from_xml_string(HARMLESS[model])) == ()
+
+
+def test_a_model_with_such_a_force_is_refused_in_one_line(tmp_path):
+    with pytest.raises(InputError) as refused:
+        small_arm(tmp_path, FORCES["stiffness 20 of joint shoulder"])
+    assert str(refused.value) == (
+        f"{tmp_path / 'arm.xml'}: forces: expected rigid bodies with armature, damping, frictionloss and "
+        "gravity, got stiffness 20 of joint shoulder; take it out of the model, simulate has --effect"
+    )
+
+
+def test_a_simulator_with_effects_is_no_model(tmp_path):
+    arm = small_arm(tmp_path)
+    cable = parse_injection(arm, "cable_spring:elbow:stiffness=2,rest=0.3")
+    write_effects(arm, [cable], tmp_path / "corrected.xml")
+    with pytest.raises(
+        InputError, match="the model that this corrected simulator was made from, got stiffness 2"
+    ):
+        load_robot(tmp_path / "corrected.xml")
+
+
+def test_a_simulator_whose_effects_are_no_forces_is_a_model(tmp_path):
+    arm = small_arm(tmp_path)
+    write_effects(arm, [parse_injection(arm, "base_tilt::roll=0.1,pitch=0")], tmp_path / "corrected.xml")
+    assert load_robot(tmp_path / "corrected.xml").joints == 2
+
+
+def test_disabled_gravity_is_zero(tmp_path):
+    option = '<option gravity="0 0 -9.81"><flag gravity="disable"/></option>'
+    assert not small_arm(tmp_path, _with(option=option)).chain.gravity.any()
