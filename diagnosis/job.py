@@ -8,7 +8,8 @@ from identification.errors import InputError
 from testbench.effects import effects
 from testbench.excitation_file import write_excitation
 from testbench.identify import run_names
-from testbench.log import check_joints, read_log
+from testbench.log import read_log
+from testbench.plausible_log import check_motion, check_torque_sign
 from testbench.progress import steps
 from testbench.robot import load_robot
 
@@ -42,7 +43,8 @@ def diagnose_logs(
     robot = load_robot(model)
     recordings = {name: read_log(path) for name, path in zip(run_names(logs), logs, strict=True)}
     for path, recording in zip(logs, recordings.values(), strict=True):
-        check_joints(recording, robot.joint_names, path)
+        check_motion(recording, robot.chain, robot.limits, path)
+        check_torque_sign(recording, robot.chain, robot.parameters, path)
     with steps() as progress:
         with progress.step("diagnose"):
             diagnosis = diagnose(robot, recordings, without)

@@ -16,8 +16,9 @@ from identification.models import POSITION_BAND
 from testbench.effects import effect
 from testbench.effects.signature import Logged
 from testbench.files import replacing
-from testbench.log import Recording, check_joints, read_log, write_log
+from testbench.log import Recording, read_log, write_log
 from testbench.lost_samples import lost_samples, mended
+from testbench.plausible_log import check_motion
 from testbench.sampling import motion, on_grid
 from testbench.simulation import Reference
 from testbench.simulation.controller import feedforward
@@ -47,7 +48,7 @@ def predict(directory: Path, log: Path, out: Path) -> PredictedTorque:
     """
     model = read_diagnosed(directory)
     recording = read_log(log)
-    check_joints(recording, model.chain.joint_names, log)
+    check_motion(recording, model.chain, model.limits, log)
     predicted = predict_torque(model, recording)
     written = Recording(
         robot=recording.robot,

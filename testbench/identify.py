@@ -11,9 +11,10 @@ from identification.pipeline import IdentificationOptions, identify
 from .closed_loop import recorded_loops
 from .estimate_file import write_estimate
 from .files import require_writable
-from .log import Recording, check_joints, read_log
+from .log import Recording, read_log
 from .lost_samples import lost_samples, mended
 from .model_file import write_model
+from .plausible_log import check_motion, check_torque_sign
 from .report import write_report
 from .results import IdentificationResult
 from .robot import Robot, load_robot
@@ -101,8 +102,9 @@ def _read(path: Path, robot: Robot, options: IdentificationOptions) -> Recording
     """A log that is the robot's and long enough to filter."""
     recording = read_log(path)
     rate = recording.sample_rate
+    check_motion(recording, robot.chain, robot.limits, path)
+    check_torque_sign(recording, robot.chain, robot.parameters, path)
     try:
-        check_joints(recording, robot.joint_names)
         cutoff = POSITION_BAND * options.preprocessing.at(rate).cutoff
         require_cutoff(cutoff, rate, len(recording.time))
     except InputError as error:

@@ -1,0 +1,100 @@
+"""A log against the model that it is read for: what no robot does, but a slip of units, wraps or signs."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.chain import Chain
+from identification.errors import InputError
+from identification.inverse_dynamics import inverse_dynamics
+
+from .log import Recording, check_joints
+from .lost_samples import MOST_LOST
+from .robot import Limits
+
+Array = NDArray[np.float64]
+
+TURN = 2 * np.pi
+# A wrap is a step so near to a turn, rad, and so many times faster than the joint is anywhere else.
+NEAR_A_TURN, FASTER = 0.5, 3.0
+# Share of samples that may lie anywhere: spoiled ones are mended later.
+SPOILED = 0.01
+# Hz, of the means that are compared with the model; fewer of them tell nothing.
+MEANS_RATE, FEWEST_MEANS = 25.0, 50
+# Torque is opposed to the model's where their sum is below this share of it, RMS.
+OPPOSED = 0.5
+
+
+def check_motion(recording: Recording, chain: Chain, limits: Limits, source: object) -> None:
+    """Raise InputError, naming ``source``, unless the joints are the model's and the positions can be theirs.
+
+    They cannot where a hinge's position jumps by a turn between two samples, or strays from the model's range
+    by more than the range is wide.
+    """
+    check_joints(recording, chain.joint_names, source)
+    for joint, name in enumerate(chain.joint_names):
+        position, is_slide = recording.position[:, joint], chain.is_slide[joint]
+        wrapped = None if is_slide else _wrap(recording.time, position)
+        if wrapped is not None:
+            step = position[wrapped] - position[wrapped - 1]
+            got = f"a step of {step:.3g} rad {_when(recording, wrapped)} at {name} (unwrap it)"
+            raise InputError(source, "joint/position", "continuous positions", got)
+        lower, upper = limits.lower[joint], limits.upper[joint]
+        beyond = np.maximum(lower - position, position - upper)
+        sample = int(np.argsort(beyond)[int((1 - SPOILED) * len(beyond))])
+        if np.isfinite(upper - lower) and beyond[sample] > upper - lower:
+            unit, slip = ("m", "millimetres") if is_slide else ("rad", "degrees")
+            expected = f"positions of {name} about the model's range of {lower:.4g} to {upper:.4g} {unit}"
+            got = f"{position[sample]:.4g} {unit} {_when(recording, sample)} (are these {slip}?)"
+            raise InputError(source, "joint/position", expected, got)
+
+
+def check_torque_sign(recording: Recording, chain: Chain, parameters: Array, source: object) -> None:
+    """Raise InputError, naming ``source``, where joints' torques are all but certainly counted backwards.
+
+    There the torque nearly cancels the model's along the motion, in its mean and in its changes, and the
+    drive takes work out of the joint on the whole. parameters: (14 n,) standard ones of the model.
+    """
+    size = max(1, round(recording.sample_rate / MEANS_RATE))
+    if len(recording.time) < FEWEST_MEANS * size:
+        return
+    time = _means(recording.time, size)
+    q, torque = _means(recording.position, size), _means(recording.torque, size)
+    dq = np.gradient(q, time, axis=0)
+    model = inverse_dynamics(chain, parameters, q, dq, np.gradient(dq, time, axis=0))
+    cancelled = _rms(torque + model) < OPPOSED * _rms(torque)
+    changes = torque - torque.mean(axis=0)
+    cancelled &= _rms(changes + model - model.mean(axis=0)) < OPPOSED * _rms(changes)
+    backwards = np.flatnonzero(cancelled & (np.sum(torque * dq, axis=0) < 0))
+    if len(backwards):
+        names = ", ".join(chain.joint_names[joint] for joint in backwards)
+        expected = "the sign that turns a joint the way its position grows"
+        raise InputError(source, "joint/torque", expected, f"the opposite at {names}")
+
+
+def _wrap(time: Array, position: Array) -> int | None:
+    """The first sample whose step from the one before is a turn that the joint's speed does not explain."""
+    steps = np.abs(np.diff(position))
+    turns = np.abs(steps - TURN) < NEAR_A_TURN
+    speed = steps / np.diff(time)
+    turns &= speed > FASTER * np.max(speed, where=~turns, initial=0.0)
+    for sample in (np.flatnonzero(turns) + 1).tolist():
+        # What is back at once was spoiled on the way, and is mended later.
+        before = position[max(0, sample - 2 * MOST_LOST) : sample]
+        after = position[sample : sample + 2 * MOST_LOST]
+        if abs(np.median(after) - np.median(before)) > TURN / 2:
+            return sample
+    return None
+
+
+def _when(recording: Recording, sample: int) -> str:
+    return f"at {recording.time[sample] - recording.time[0]:.4g} s"
+
+
+def _means(values: Array, size: int) -> Array:
+    """Means of so many samples in a row, (N // size, ...)."""
+    count = len(values) // size
+    return values[: count * size].reshape(count, size, *values.shape[1:]).mean(axis=1)
+
+
+def _rms(values: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

@@ -1,0 +1,134 @@
+"""Logs that no robot gives: positions that wrap, degrees for radians, torque counted backwards."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.errors import InputError
+from identification.parameters import ARMATURE, INERTIAL, PER_JOINT
+from testbench.cli import main
+from testbench.log import Recording, write_log
+from testbench.plausible_log import check_motion, check_torque_sign
+from testbench.robot import Robot
+
+from .synthetic import synthetic_result, synthetic_robot
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory) -> Robot:
+    return synthetic_robot(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def healthy(robot) -> Recording:
+    """Four seconds of a turret, a lift and a ram."""
+    return synthetic_result(robot).fit_recordings[0]
+
+
+def _moved(recording: Recording, change: np.ndarray) -> Recording:
+    return replace(recording, position=recording.position + change)
+
+
+def _check_motion(robot: Robot, recording: Recording) -> None:
+    check_motion(recording, robot.chain, robot.limits, "log.h5")
+
+
+def _check_sign(robot: Robot, recording: Recording, parameters: np.ndarray | None = None) -> None:
+    given = robot.parameters if parameters is None else parameters
+    check_torque_sign(recording, robot.chain, given, "log.h5")
+
+
+def test_a_healthy_log_passes(robot, healthy):
+    _check_motion(robot, healthy)
+    _check_sign(robot, healthy)
+
+
+def test_a_position_that_wraps_is_told_with_its_joint_and_time(robot, healthy):
+    wrapped = healthy.position.copy()
+    wrapped[1000:, 0] -= 2 * np.pi
+    with pytest.raises(
+        InputError, match=r"log.h5: joint/position: .* got a step of -6.28 rad at 2 s at turn"
+    ):
+        _check_motion(robot, replace(healthy, position=wrapped))
+
+
+def test_a_slide_may_step_by_six_metres(robot, healthy):
+    limits = replace(robot.limits, lower=robot.limits.lower - 9, upper=robot.limits.upper + 9)
+    moved = healthy.position.copy()
+    moved[1000:, 2] += 2 * np.pi
+    check_motion(replace(healthy, position=moved), robot.chain, limits, "log.h5")
+
+
+def test_a_joint_that_turns_so_fast_does_not_wrap(robot, healthy):
+    limits = replace(robot.limits, lower=np.full(3, -np.inf), upper=np.full(3, np.inf))
+    turning = healthy.position.copy()
+    turning[:, 0] = np.cumsum(np.where(np.arange(len(turning)) % 2, 5.0, 6.3))
+    check_motion(replace(healthy, position=turning), robot.chain, limits, "log.h5")
+
+
+def test_one_spoiled_sample_is_no_wrap_and_not_out_of_range(robot, healthy):
+    for change in (2 * np.pi, 400.0):
+        spoiled = healthy.position.copy()
+        spoiled[700, 0] += change
+        _check_motion(robot, replace(healthy, position=spoiled))
+
+
+def test_degrees_are_told_with_the_range_and_the_value(robot, healthy):
+    with pytest.raises(InputError) as refused:
+        _check_motion(robot, replace(healthy, position=np.rad2deg(healthy.position)))
+    line = str(refused.value)
+    assert line.startswith(
+        "log.h5: joint/position: expected positions of turn about the model's range of -3 to 3"
+    )
+    assert line.endswith("(are these degrees?)")
+
+
+def test_a_zero_that_lies_elsewhere_is_let_pass(robot, healthy):
+    _check_motion(robot, _moved(healthy, np.array([3.0, 2.0, 0.2])))
+
+
+@pytest.mark.parametrize("joints", [(0, 1, 2), (1,)])
+def test_torque_counted_backwards_is_told_with_its_joints(robot, healthy, joints):
+    sign = np.ones(3)
+    sign[list(joints)] = -1
+    names = ", ".join(robot.joint_names[joint] for joint in joints)
+    with pytest.raises(InputError, match=f"joint/torque: expected the sign .*, got the opposite at {names}$"):
+        _check_sign(robot, replace(healthy, torque=healthy.torque * sign))
+
+
+def test_positions_counted_backwards_are_told(robot, healthy):
+    with pytest.raises(InputError, match="got the opposite at turn$"):
+        _check_sign(robot, replace(healthy, position=healthy.position * [-1, 1, 1]))
+
+
+def test_a_model_with_wrong_masses_and_no_friction_refuses_no_healthy_log(robot, healthy):
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        table = robot.parameters.reshape(-1, PER_JOINT) * np.exp(rng.normal(size=(3, PER_JOINT)))
+        table[:, INERTIAL:] = 0
+        table[:, ARMATURE] = 0
+        _check_sign(robot, healthy, table.ravel())
+
+
+def test_gravity_that_points_the_other_way_is_left_to_the_diagnosis(robot, healthy):
+    chain = replace(robot.chain, gravity=-robot.chain.gravity)
+    check_torque_sign(healthy, chain, robot.parameters, "log.h5")
+
+
+def test_a_log_too_short_to_tell_is_let_pass(robot, healthy):
+    short = slice(0, 500)
+    few = replace(
+        healthy, time=healthy.time[short], position=healthy.position[short], torque=-healthy.torque[short]
+    )
+    _check_sign(robot, few)
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_commands_refuse_such_a_log_by_its_file(robot, healthy, tmp_path, capsys, command):
+    backwards = replace(healthy, torque=-healthy.torque, reference_position=None, reference_velocity=None)
+    path = tmp_path / "run.h5"
+    write_log(backwards, path)
+    with pytest.raises(SystemExit, match="2"):
+        main([command, "--model", str(robot.path), str(path), "--out", str(tmp_path / "out")])
+    assert capsys.readouterr().err.startswith(f"{path}: joint/torque: expected the sign")
