@@ -23,8 +23,7 @@ Array = NDArray[np.float64]
 
 RANDOM_STATES = 256
 # R_jj over the column's size, about the sine of the angle by which axes miss being parallel or square: 0.3
-# degrees. On real arms angles rounded to 1.57 and
-# 3.14 leave up to 0.0016, what is independent 0.11 and more.
+# degrees. Angles rounded to 1.57 and 3.14 leave up to 0.0016, what is independent on real arms 0.11 and more.
 RANK_TOLERANCE = 5e-3
 # What is left of a column that is truly zero, against the largest.
 ZERO_TOLERANCE = 1e-9
