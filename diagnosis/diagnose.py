@@ -118,11 +118,14 @@ def _verdict(found: Attribution, gap: Gap) -> str:
 def _closes_more(found: Attribution) -> bool:
     """Whether some effect that is named explains more than what no effect does, each joint by its torque.
 
-    What follows nothing at all is told beside the effects: no motion foretells it.
+    A push leaves what follows nothing at all, wherever it acted otherwise than it was fitted.
     """
+    named = [item for item in found.accepted if item.named]
+    pushed = any(item.candidate.is_event for item in named)
     before = _rms(found.parameters_only[1].held_out, found.parameters_only[0]) / _torque(found.prepared)
-    misfits = [item.share * before[item.joint] ** 2 for item in found.unknown if item.regime != NOTHING]
-    return max(item.worth for item in found.accepted if item.named) > max(misfits, default=0.0)
+    unknown = [item for item in found.unknown if not (pushed and item.regime == NOTHING)]
+    misfits = [item.share * before[item.joint] ** 2 for item in unknown]
+    return max(item.worth for item in named) > max(misfits, default=0.0)
 
 
 def _torque(prepared: Prepared) -> Array:
