@@ -5,14 +5,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.robot import Robot
+
 from .candidates import Candidate
-from .healthy import SPRINGS
+from .evidence import Design, Fit
+from .healthy import SPRINGS, is_plausible
 from .likelihood import Weighed
-from .unclaimed import Unclaimed
+from .unclaimed import NOTHING, Unclaimed
 from .weighing import Stage
 
 # Cycles a revolution.
 SLOWEST_RIPPLE = 10.0
+# Squared residual that is left where a joint's own elasticity is all that gives way, as a share of what
+# re-identification leaves.
+ELASTIC, ELASTIC_LEFT = "joint_elasticity", 0.16
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,33 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
         if len({item.candidate.family.effect for item in laws}) > 1:
             share = 1 - float(last.held_squares[joint] / max(float(first.held_squares[joint]), 1e-300))
             found.append(Unclaimed(joint, "position", share))
+    return tuple(found)
+
+
+def resonances(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints that seem elastic, if several do and some are explained badly: what carries them gives way.
+
+    A base that rocks and a link that bends shake several joints at once. first, last: as above.
+    """
+    elastic = [a.candidate for a in accepted if a.named and a.candidate.family.effect == ELASTIC]
+    joints = [each.family.joint for each in elastic if each.family.joint is not None]
+    left = [float(last.held_squares[j] / max(float(first.held_squares[j]), 1e-300)) for j in joints]
+    if len(joints) < 2 or max(left) < ELASTIC_LEFT:
+        return ()
+    return tuple(Unclaimed(j, "resonance", 1 - share) for j, share in zip(joints, left, strict=True))
+
+
+def out_of_bounds(
+    robot: Robot, hypothesis: Design, fitted: Fit, accepted: Sequence[Accepted]
+) -> tuple[Unclaimed, ...]:
+    """Joints whose named effects come out, with all runs fitted together, as no arm has them."""
+    found = []
+    for item, own in zip(accepted, hypothesis.parts, strict=True):
+        joint = item.candidate.family.joint
+        if not item.named or joint is None or item.candidate.is_event:
+            continue
+        if not is_plausible(robot, item.candidate, fitted.values[own]):
+            found.append(Unclaimed(joint, NOTHING, item.share))
     return tuple(found)
 
 

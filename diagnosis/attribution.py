@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
-from .accepted import Accepted, laws_of_position
+from .accepted import Accepted, laws_of_position, out_of_bounds, resonances
 from .candidates import EVENT, SATURATION, Candidate, candidates
 from .evidence import Design, Fit, fitted_to, standard_values
 from .flat_top import flat_tops
@@ -154,11 +154,13 @@ def _grown(
     accepted = of_one_joint(told_apart_at_last(last, sized, accepted, weighed), open_, last)
     certain = [a.candidate for a in accepted if a.is_certain]
     sure = None if len(certain) == len(accepted) else Stage.of(base, certain)
-    unknown = (*unclaimed(original, last, free, sure), *laws_of_position(original, last, accepted))
+    imitated = (*laws_of_position(original, last, accepted), *resonances(original, last, accepted))
     hidden = not_observable(sized, base.torque_rms, open_)
-    accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
     hypothesis, fitted = at_likeliest_shapes(sized, hypothesis, fitted)
     accepted = [replace(a, candidate=c) for a, c in zip(accepted, hypothesis.accepted, strict=True)]
+    unmet = out_of_bounds(sized, hypothesis, fitted, accepted)
+    unknown = (*unclaimed(original, last, free, sure), *imitated, *unmet)
+    accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 

@@ -49,6 +49,7 @@ CABLE = "cable_spring"
 LARGEST: Mapping[str, float] = {
     # Where no slow sample counts, any Stribeck friction seems to leave a little.
     "stribeck_friction": 5.0,
+    "asymmetric_friction": 5.0,
     "presliding_hysteresis": 3.0,
     "joint_elasticity": 3.0,
     "encoder_offset": 3.0,
