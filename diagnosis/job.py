@@ -7,11 +7,10 @@ from pathlib import Path
 from identification.errors import InputError
 from testbench.effects import effects
 from testbench.excitation_file import write_excitation
-from testbench.identify import run_names
-from testbench.log import read_log
-from testbench.plausible_log import check_motion, check_torque_sign
+from testbench.files import require_writable
 from testbench.progress import steps
 from testbench.robot import load_robot
+from testbench.runs import read_runs, run_names
 
 from .diagnose import diagnose
 from .discrimination import NextExperiment, next_experiment
@@ -40,11 +39,9 @@ def diagnose_logs(
     for name in without:
         if name not in effects():
             raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())
+    require_writable(out / DOCUMENT)
     robot = load_robot(model)
-    recordings = {name: read_log(path) for name, path in zip(run_names(logs), logs, strict=True)}
-    for path, recording in zip(logs, recordings.values(), strict=True):
-        check_motion(recording, robot.chain, robot.limits, path)
-        check_torque_sign(recording, robot.chain, robot.parameters, path)
+    recordings = dict(zip(run_names(logs), read_runs(logs, robot), strict=True))
     with steps() as progress:
         with progress.step("diagnose"):
             diagnosis = diagnose(robot, recordings, without)

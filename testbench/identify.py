@@ -11,13 +11,13 @@ from identification.pipeline import IdentificationOptions, identify
 from .closed_loop import recorded_loops
 from .estimate_file import write_estimate
 from .files import require_writable
-from .log import Recording, read_log
+from .log import Recording
 from .lost_samples import lost_samples, mended
 from .model_file import write_model
-from .plausible_log import check_motion, check_torque_sign
 from .report import write_report
 from .results import IdentificationResult
 from .robot import Robot, load_robot
+from .runs import read_runs, run_names
 from .sampling import motion
 from .summary import print_summary
 
@@ -34,17 +34,22 @@ def identify_logs(
 
     identified_model: MJCF to write with the nearest physically consistent parameters. Raises InputError.
     """
+    paths = [*logs, *validation_logs]
     require_writable(out / "estimate.json")
     if identified_model is not None:
-        require_writable(identified_model)
+        require_writable(identified_model, model, *paths)
     robot = load_robot(model)
-    fitted = [_read(path, robot, options) for path in logs]
-    validated = [_read(path, robot, options) for path in validation_logs]
+    runs = dict(zip(paths, read_runs(paths, robot), strict=True))
+    for path, recording in runs.items():
+        _require_long_enough(path, recording, options)
     try:
         result = identify_recordings(
             robot,
-            dict(zip(run_names(logs), fitted, strict=True)),
-            dict(zip(run_names(validation_logs), validated, strict=True)),
+            {name: runs[path] for name, path in zip(run_names(logs), logs, strict=True)},
+            {
+                name: runs[path]
+                for name, path in zip(run_names(validation_logs), validation_logs, strict=True)
+            },
             options,
         )
     except InputError as error:
@@ -98,21 +103,11 @@ def _mended(recordings: dict[str, Recording]) -> tuple[dict[str, Recording], int
     return whole, sum(int(each.sum()) for each in lost.values())
 
 
-def _read(path: Path, robot: Robot, options: IdentificationOptions) -> Recording:
-    """A log that is the robot's and long enough to filter."""
-    recording = read_log(path)
+def _require_long_enough(path: Path, recording: Recording, options: IdentificationOptions) -> None:
+    """Raise InputError where a log is too short for the filters."""
     rate = recording.sample_rate
-    check_motion(recording, robot.chain, robot.limits, path)
-    check_torque_sign(recording, robot.chain, robot.parameters, path)
     try:
         cutoff = POSITION_BAND * options.preprocessing.at(rate).cutoff
         require_cutoff(cutoff, rate, len(recording.time))
     except InputError as error:
         raise error.located(path) from None
-    return recording
-
-
-def run_names(paths: Sequence[Path]) -> list[str]:
-    """File stems, or whole paths where stems repeat."""
-    stems = [path.stem for path in paths]
-    return [stem if stems.count(stem) == 1 else str(path) for stem, path in zip(stems, paths, strict=True)]

@@ -14,6 +14,7 @@ from testbench.cli import app, main
 from testbench.log import read_log
 from testbench.robot import load_robot
 
+from .one_line import complaint
 from .small_arm import ARM, SCENARIO
 
 COMMANDS = sorted(name for name in app if not name.startswith("-"))
@@ -44,19 +45,6 @@ def place(chain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (tmp_path / name).symlink_to(chain / name)
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def complaint(arguments: str, capfd: pytest.CaptureFixture[str]) -> str:
-    """The one line on stderr of a command that exits with 2 and changes nothing where it stands."""
-    before = sorted(Path().rglob("*"))
-    with pytest.raises(SystemExit) as exit_:
-        main(arguments.split())
-    out, err = capfd.readouterr()
-    assert exit_.value.code == 2, err
-    assert out == ""
-    assert err.count("\n") == 1, err
-    assert sorted(Path().rglob("*")) == before
-    return err
 
 
 @pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS)])

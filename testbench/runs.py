@@ -1,0 +1,47 @@
+"""The logs that one job is given: each the robot's, with torque in it, and no run twice."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from identification.errors import InputError
+
+from .log import Recording, read_log
+from .plausible_log import check_motion, check_torque_sign
+from .robot import Robot
+
+
+def read_runs(paths: Sequence[Path], robot: Robot) -> list[Recording]:
+    """The recordings of these logs, in their order.
+
+    Raises InputError for a log whose joints are not the robot's, for what no robot does (see
+    plausible_log.py), for torques that are all zero, and for a run that is given twice, be it under another
+    name: no run may speak for itself as one that was left out.
+    """
+    recordings = [read_log(path) for path in paths]
+    for path, recording in zip(paths, recordings, strict=True):
+        check_motion(recording, robot.chain, robot.limits, path)
+        if not recording.torque.any():
+            got = f"0 at every sample of {', '.join(robot.joint_names)}"
+            raise InputError(path, "joint/torque", "joint torques that are not all zero", got)
+        check_torque_sign(recording, robot.chain, robot.parameters, path)
+    for later, path in enumerate(paths):
+        for earlier in range(later):
+            if _is_same(recordings[earlier], recordings[later]):
+                raise InputError(path, "log", "each run once", f"the run of {paths[earlier]} again")
+    return recordings
+
+
+def run_names(paths: Sequence[Path]) -> list[str]:
+    """File stems, or whole paths where stems repeat."""
+    stems = [path.stem for path in paths]
+    return [stem if stems.count(stem) == 1 else str(path) for stem, path in zip(stems, paths, strict=True)]
+
+
+def _is_same(one: Recording, other: Recording) -> bool:
+    return (
+        np.array_equal(one.time, other.time)
+        and np.array_equal(one.position, other.position)
+        and np.array_equal(one.torque, other.torque)
+    )
