@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 # rad/s (m/s), and rad/s² (m/s²): what a joint that is at rest counts as moving by.
 SLOWEST = 0.01
+# Of the strongest joint's torque: a joint that reports none is judged by shares of its torque all the same.
+LEAST_TORQUE = 1e-9
 
 
 class Ground:
@@ -30,7 +32,8 @@ class Ground:
     def __init__(self, prepared: Prepared):
         self.prepared, self.folds, self.joints = prepared, prepared.folds, prepared.joints
         torque = np.concatenate([run.torque for run in prepared.runs])
-        self.torque_rms = np.sqrt(np.mean(torque**2, axis=0))
+        reported = np.sqrt(np.mean(torque**2, axis=0))
+        self.torque_rms = np.maximum(reported, LEAST_TORQUE * reported.max())
         speed, acceleration = (
             np.sqrt(np.mean(np.concatenate(part) ** 2, axis=0)).clip(SLOWEST)
             for part in ([run.logged.dq for run in prepared.runs], [run.logged.ddq for run in prepared.runs])

@@ -193,7 +193,9 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
                 elsewhere += float(np.sum(left[~out] ** 2))
             squares[j] += float(np.sum(left**2))
     kept = max(float(stage.counts[joint]) - count, 1.0)
-    likelihood = log_of_squares(stage.independent, squares / stage.held_squares)
+    # A joint that stands still leaves nothing, before and after.
+    left_over = np.divide(squares, stage.held_squares, out=np.ones(n), where=stage.held_squares > 0)
+    likelihood = log_of_squares(stage.independent, left_over)
     prior_gain = float(log_prior(stage.hypothesis, values)) - stage.prior
     asked_for, clipped = np.array(bouts).T
     clips = clipped.sum() < (1 - SMALLEST_SHARE) * asked_for.sum()

@@ -67,7 +67,7 @@ def essential_parameters(
     kept, dropped, p_value = list(range(count)), [], 1.0
     values, std = _fit(matrix, target, kept, variance)
     while len(kept) > 1:
-        worst = kept[int(np.argmax(std[kept] / np.maximum(np.abs(values[kept]), np.finfo(float).tiny)))]
+        worst = kept[least_certain(values[kept], std[kept])]
         fewer = [index for index in kept if index != worst]
         fewer_values, fewer_std = _fit(matrix, target, fewer, variance)
         excess = float(np.sum((matrix @ fewer_values - target) ** 2))
@@ -79,6 +79,12 @@ def essential_parameters(
         kept, values, std, p_value = fewer, fewer_values, fewer_std, p
         dropped.append(worst)
     return EssentialParameters(np.array(kept), values / norms, std / norms, tuple(dropped), p_value)
+
+
+def least_certain(values: Array, std: Array) -> int:
+    """Index of the value (k,) that is least sure to be other than zero, by its deviation (k,)."""
+    # Ascends with std over |value|, and is finite where a value is zero.
+    return int(np.argmax(std / np.maximum(np.hypot(values, std), np.finfo(float).tiny)))
 
 
 def _fit(matrix: Array, target: Array, kept: Sequence[int], variance: float) -> tuple[Array, Array]:

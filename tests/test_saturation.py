@@ -64,3 +64,19 @@ def test_a_push_is_no_limit(arm):
 
 def test_a_healthy_arm_clips_nothing(arm):
     assert _named(arm, simulated_runs(arm, [], runs=3)) == []
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_joint_that_reports_no_torque_is_weighed_without_a_warning(arm):
+    (run,) = simulated_runs(arm, [], runs=1).values()
+    assert _named(arm, {"run_1": replace(run, torque=run.torque * [1.0, 0.0])}) == []
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_joint_that_stands_still_beside_one_that_clips_is_weighed_without_a_warning(arm):
+    text = "torque_saturation:shoulder:limit=12"
+    runs = {
+        name: replace(run, position=run.position * [1.0, 0.0])
+        for name, run in simulated_runs(arm, [parse_injection(arm, text)], runs=2).items()
+    }
+    assert [item for item in _named(arm, runs) if item.candidate.family.joint == 1] == []

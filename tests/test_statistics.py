@@ -14,7 +14,7 @@ from identification.inverse_dynamics import inverse_dynamics
 from identification.models import Preprocessing, observe
 from identification.problem import Problem
 from identification.signals import Motion
-from identification.statistics import essential_parameters, residual_tests
+from identification.statistics import essential_parameters, least_certain, residual_tests
 
 from .synthetic import synthetic_robot
 
@@ -150,3 +150,10 @@ def test_a_stricter_test_keeps_more(clean):
     found = estimate(problem, "wls")
     kept = [len(essential_parameters(problem, found, level).kept) for level in (0.001, 0.05, 0.5)]
     assert kept == sorted(kept)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_value_of_exactly_zero_is_the_least_certain():
+    assert least_certain(np.array([3.0, 1e-12, -5.0]), np.array([1.0, 1e-10, 1.0])) == 1
+    assert least_certain(np.array([3.0, 1e-12, 0.0]), np.array([1.0, 1e-12, 20.0])) == 2
+    assert least_certain(np.zeros(2), np.zeros(2)) == 0
