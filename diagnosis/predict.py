@@ -15,7 +15,7 @@ from identification.inverse_dynamics import inverse_dynamics
 from identification.models import POSITION_BAND
 from testbench.effects import effect
 from testbench.effects.signature import Logged
-from testbench.files import replacing
+from testbench.files import replacing, require_writable
 from testbench.log import Recording, read_log, write_log
 from testbench.lost_samples import lost_samples, mended
 from testbench.plausible_log import check_motion
@@ -46,6 +46,7 @@ def predict(directory: Path, log: Path, out: Path) -> PredictedTorque:
     ``out`` is a robot-log with LOG's time and motion, the corrected model's torque as joint/torque, and
     nominal/torque and parameters/torque beside it. LOG's torque is never used. Raises InputError.
     """
+    require_writable(out, log, Path(directory) / DOCUMENT)
     model = read_diagnosed(directory)
     recording = read_log(log)
     check_motion(recording, model.chain, model.limits, log)

@@ -13,7 +13,7 @@ from .effect_survey import CUTOFF, EXCITATION, PERIODS, Sighting, survey
 from .effects import effect, effects, parse_injection
 from .effects.base import EffectDescription, EffectParameter
 from .effects.mjcf_form import write_effects
-from .files import replacing
+from .files import replacing, require_writable
 from .robot import Robot, load_robot
 
 # Fewer than this share of another effect's residual explained is no likeness.
@@ -47,6 +47,7 @@ def write_effects_page(model: Path, out: Path, joint: int, jobs: int | None = No
     robot = load_robot(model)
     if not 1 <= joint < robot.joints:
         raise InputError("effects", "joint", f"a number from 1 to {robot.joints - 1}", joint)
+    require_writable(out, model)
     sightings = survey(robot, joint - 1, jobs)
     folder = out.with_suffix("")
     for name, sighting in sightings.items():
@@ -57,7 +58,11 @@ def write_effects_page(model: Path, out: Path, joint: int, jobs: int | None = No
 
 
 def write_effects_model(model: Path, texts: list[str], out: Path) -> tuple[str, ...]:
-    """Write the model with the effects, each ``NAME[:joint[:key=value,...]]``; what it cannot carry."""
+    """Write the model with the effects, each ``NAME[:joint[:key=value,...]]``; what it cannot carry.
+
+    Raises InputError.
+    """
+    require_writable(out, model)
     robot = load_robot(model)
     return write_effects(robot, [parse_injection(robot, text) for text in texts], out)
 

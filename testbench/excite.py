@@ -26,8 +26,8 @@ def excite_model(
 
     Raises InputError.
     """
+    require_writable(out, model)
     robot = load_robot(model)
-    require_writable(out)
     with steps() as progress, progress.step("design") as step:
         excitation = design(robot, criterion, options, jobs, step)
     write_excitation(excitation, out)

@@ -13,25 +13,33 @@ from identification.errors import InputError
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A temporary path beside ``path`` that takes its place when the block ends without an error."""
+    """A temporary path beside ``path`` that takes its place when the block ends without an error.
+
+    Raises InputError where the system will not have it written, as on a full disk.
+    """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
+    temporary: Path | None = None
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
+        os.close(handle)
+        temporary = Path(name)
         yield temporary
         # mkstemp makes files that only the owner can read.
         temporary.chmod(0o644)
         temporary.replace(path)
+    except OSError as error:
+        raise InputError(path, "out", "a file that can be written", error.strerror or error) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
 
 
-def require_writable(path: str | Path) -> None:
+def require_writable(path: str | Path, *read: Path) -> None:
     """Raise InputError unless a file can be written at ``path``, its folders made where they lack.
 
-    Nothing is made: this is asked before long work starts.
+    read: files that the job reads, which it must not replace. Nothing is left: this is asked before long
+    work starts.
     """
     path = Path(path)
     if path.is_dir():
@@ -39,8 +47,15 @@ def require_writable(path: str | Path) -> None:
     folder = next(parent for parent in path.absolute().parents if parent.exists())
     if not folder.is_dir():
         raise InputError(path, "out", "a path below a folder", f"the file {folder}")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(path, "out", "a folder that may be written to", f"{folder}, which may not")
+    try:
+        # What may be written by its mode need not take a file: /proc, or a disk that is read-only.
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        expected = "a folder that may be written to"
+        raise InputError(path, "out", expected, f"{folder}: {error.strerror}") from None
+    for source in read:
+        if path.exists() and source.exists() and path.samefile(source):
+            raise InputError(path, "out", "another file than those that are read", source)
 
 
 def read_json(path: Path) -> Any:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
+from .files import replacing
+
 Array = NDArray[np.float64]
 
 FORMAT, VERSION = "robot-log", 1
@@ -109,15 +111,11 @@ def write_log(recording: Recording, path: str | Path) -> None:
     check_recording(recording, path)
     if not path.parent.is_dir():
         raise InputError(path, "folder", "an existing folder", path.parent)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with replacing(path) as part:
         with h5py.File(part, "w") as file:
             _write(file, recording)
         with part.open("rb") as written:
             os.fsync(written.fileno())
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _write(file: h5py.File, recording: Recording) -> None:

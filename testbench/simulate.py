@@ -29,6 +29,7 @@ def simulate_model(
 
     effects: as ``NAME[:joint[:key=value,...]]``, beside those of ``options``.
     """
+    require_writable(out, model, trajectory)
     robot = load_robot(model)
     joint_names, motion = read_trajectory(trajectory)
     if joint_names != robot.joint_names:
@@ -37,7 +38,6 @@ def simulate_model(
     injections = tuple(parse_injection(robot, text) for text in effects)
     options = dataclasses.replace(options, effects=options.effects + injections)
     reference = sample_reference(motion, options.controller.rate, periods)
-    require_writable(out)
     with steps() as progress, progress.step("simulate"):
         (recording,) = simulate(robot, [reference], options, seed=seed, threads=jobs)
     told = {"trajectory": trajectory.name}

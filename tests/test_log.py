@@ -127,7 +127,7 @@ def test_a_failed_write_leaves_the_old_log(tmp_path: Path, monkeypatch: pytest.M
         raise OSError("No space left on device")
 
     monkeypatch.setattr(Path, "replace", full_disk)
-    with pytest.raises(OSError, match="No space"):
+    with pytest.raises(InputError, match=r"run\.h5: out: .* No space left"):
         write_log(recording(slide=True), path)
     assert path.read_bytes() == before
     assert [found.name for found in tmp_path.iterdir()] == ["run.h5"]

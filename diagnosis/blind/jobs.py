@@ -7,17 +7,17 @@ from pathlib import Path
 
 from diagnosis.predict import DOCUMENT, read_diagnosed
 from identification.errors import InputError
-from testbench.files import read_json, replacing, write_json
+from testbench.files import read_json, replacing, require_writable, write_json
 from testbench.log import read_log
 
-from .case import make_case, places
+from .case import SEALED, make_case, places
 from .draw import case_names, kinds_of
 from .hidden import hidden_error
 from .judge import Row, closed, judge
 from .page import write_page
 from .runner import run_each
 from .scenario import BlindScenario, load_blind_scenario
-from .seal import MANIFEST, opened, seal
+from .seal import ANSWERS, MANIFEST, opened, seal
 from .verdict import score_document, verdict
 
 SCORE, TABLE, REPORT = "score.json", "cases.csv", "report.html"
@@ -29,6 +29,7 @@ def make(scenario_file: Path, out: Path, seed: int | None = None, jobs: int | No
     Leaves cases/, sealed/ and manifest.json. Raises InputError.
     """
     scenario = load_blind_scenario(scenario_file, seed)
+    require_writable(out / SEALED / ANSWERS)
     if (out / MANIFEST).exists():
         raise InputError(out, "out", "a folder without sealed cases", MANIFEST)
     same_scenario(scenario, out / "sealed" / "scenario.json")
@@ -60,6 +61,7 @@ def score(cases: Path, diagnoses: Path, out: Path) -> list[str]:
 
     Returns the verdict, a line a goal. Raises InputError for files that are not what was sealed.
     """
+    require_writable(out / SCORE)
     rows = []
     for answer in opened(cases):
         path = diagnoses / answer["case"] / DOCUMENT

@@ -12,7 +12,7 @@ from diagnosis.document import write_diagnosis
 from diagnosis.predict import DOCUMENT, read_diagnosed
 from identification.errors import InputError
 from testbench.effects import effects
-from testbench.files import read_json, write_json
+from testbench.files import read_json, require_writable, write_json
 from testbench.log import read_log
 from testbench.robot import load_robot
 
@@ -66,6 +66,7 @@ def study(
     if without not in (None, SAME) and without not in effects():
         raise InputError("blind study", "--without", "an effect, or same", repr(without), (SAME, *effects()))
     scenario = load_blind_scenario(scenario_file, seed)
+    require_writable(out / "scenario.json")
     if (out / MANIFEST).exists():
         raise InputError(out, "out", "a folder that is not sealed", MANIFEST)
     same_scenario(scenario, out / "scenario.json")

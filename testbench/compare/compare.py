@@ -14,7 +14,7 @@ from identification.excitation.trajectory import Trajectory
 
 from ..clearance import robot_clearance
 from ..excite import CLEARANCE
-from ..files import replacing
+from ..files import replacing, require_writable
 from ..robot import load_robot
 from ..scenario import Scenario, load_scenario
 from . import criteria, estimators
@@ -25,6 +25,7 @@ from .runner import run_cases
 from .verdict import verdict
 
 SCENARIOS = Path("scenarios")
+PAGE = "report.html"
 
 
 def compare(
@@ -42,6 +43,7 @@ def compare(
     """
     if question not in QUESTIONS:
         raise InputError("compare", "question", "what to compare", repr(question), QUESTIONS)
+    require_writable(out / PAGE)
     path = scenario_file or SCENARIOS / f"compare_{question}.yaml"
     scenario, variants = load_scenario(path)
     if seed is not None:
@@ -56,7 +58,7 @@ def compare(
     _write_csv(rows, out / "results.csv")
     _write_csv(summary(rows), out / "summary.csv")
     found = verdict(question, rows)
-    write_page(question, scenario, tuple(levels), rows, found, out / "report.html")
+    write_page(question, scenario, tuple(levels), rows, found, out / PAGE)
     for line in found:
         print(line)
     return found
