@@ -153,6 +153,12 @@ MISUSE = [
     ("excite --model arm.xml --out x --seed -1", ["--seed", "at least 0, got -1"]),
     ("excite --model arm.xml --out x --jobs 0", ["--jobs", "at least 1, got 0"]),
     ("run a.yaml b.yaml", ["b.yaml"]),
+    (
+        "identify --model arm.xml fit.h5 --parameters --out d",
+        ["--parameters", "at least one value, got none"],
+    ),
+    ("identify --model arm.xml fit.h5 --validate --out d", ["--validate", "at least one value, got none"]),
+    ("diagnose --model arm.xml fit.h5 --without --out d", ["--without", "at least one value, got none"]),
 ]
 
 
@@ -194,6 +200,10 @@ BAD_VALUES = [
         ["differentiation", "'best'", "rloess"],
     ),
     ("identify --model arm.xml fit.h5 --out d --identification-model best", ["model", "'best'", "power"]),
+    (
+        "identify --model arm.xml fit.h5 --out d --identification-model energy --estimator extended_kalman",
+        ["model", "inverse_dynamic for the estimator extended_kalman", "'energy'"],
+    ),
     ("identify --model arm.xml fit.h5 --out d --parameters rust", ["'rust'", "viscous"]),
     ("identify --model arm.xml fit.h5 --out d --cutoff -2", ["cutoff", "-2"]),
     ("identify --model arm.xml fit.h5 --out d --cutoff nan", ["cutoff", "nan"]),

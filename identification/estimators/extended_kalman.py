@@ -20,6 +20,7 @@ from ..measurement_noise import position_noise_std
 from ..observations import POSITION_BAND
 from ..problem import Problem
 from ..regressor import column_slots
+from ..simulated_motion import require_torque_equations
 from . import wls
 
 Array = NDArray[np.float64]
@@ -63,9 +64,10 @@ def estimate(problem: Problem) -> Estimate:
     """The parameters after the last sample of the last run; the covariance is the filter's own.
 
     The noise of positions and torques is read off the raw positions and off the residual of the weighted
-    torque fit, which is used for nothing else. Raises InputError where the nominal model is so far off
-    that the filter loses the mass matrix.
+    torque fit, which is used for nothing else. Raises InputError for other equations than the inverse
+    dynamic model's, and where the nominal model is so far off that the filter loses the mass matrix.
     """
+    require_torque_equations(problem, "extended_kalman")
     fit = wls.estimate(problem)
     std, _ = problem.residual_std(fit.values)
     runs = [_run(problem, index, std) for index in range(len(problem.motions))]

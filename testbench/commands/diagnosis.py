@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Jobs, Model, ScenarioSeed, Seed
+from .options import Jobs, Model, ScenarioSeed, Seed, at_least_one
 
 
 def diagnose(
@@ -16,7 +16,12 @@ def diagnose(
     out: Annotated[Path, Parameter(help="folder for diagnosis.json, corrected.xml and report.html")],
     without: Annotated[
         list[str] | None,
-        Parameter(help="effects to leave out of the catalogue", consume_multiple=True, negative=()),
+        Parameter(
+            help="effects to leave out of the catalogue",
+            consume_multiple=True,
+            negative=(),
+            validator=at_least_one("--without"),
+        ),
     ] = None,
     seed: Seed = 0,
     jobs: Jobs = None,

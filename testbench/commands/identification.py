@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Jobs, Model, ScenarioSeed, Seed, at_least
+from .options import Jobs, Model, ScenarioSeed, Seed, at_least, at_least_one
 
 
 def run(
@@ -93,7 +93,12 @@ def identify(
     out: Annotated[Path, Parameter(help="folder for estimate.json and report.html")],
     validate: Annotated[
         list[Path] | None,
-        Parameter(help="logs that are predicted, not fitted", consume_multiple=True, negative=()),
+        Parameter(
+            help="logs that are predicted, not fitted",
+            consume_multiple=True,
+            negative=(),
+            validator=at_least_one("--validate"),
+        ),
     ] = None,
     estimator: Annotated[str, Parameter(help="see testbench list")] = "wls",
     identification_model: Annotated[
@@ -106,6 +111,7 @@ def identify(
             help="inertial armature viscous coulomb offset; all when not given",
             consume_multiple=True,
             negative=(),
+            validator=at_least_one("--parameters"),
         ),
     ] = None,
     cutoff: Annotated[float, Parameter(help="Hz, low-pass on torque and regressor")] = 20.0,

@@ -19,6 +19,16 @@ def at_least(lowest: int, option: str) -> Callable[[Any, Any], None]:
     return check
 
 
+def at_least_one(option: str) -> Callable[[Any, Any], None]:
+    """A cyclopts validator of an option's list. It raises InputError where the option has no value."""
+
+    def check(_: Any, values: Any) -> None:
+        if values is not None and not values:
+            raise InputError("testbench", option, "at least one value", "none")
+
+    return check
+
+
 Jobs = Annotated[
     int | None,
     Parameter(help="worker threads; all cores when not given", validator=at_least(1, "--jobs")),
