@@ -104,7 +104,8 @@ def diagnosis_document(
             "parameters": _numbers(gap.parameters),
             "effects": _numbers(gap.effects),
             "noise_floor": _numbers(gap.noise_floor),
-            "closed": _number(gap.closed),
+            # Between models that are alike to the noise there is nothing to close.
+            "closed": None if diagnosis.verdict == "none" else _number(gap.closed),
             "intervals": None if gap.intervals is None else _intervals(gap.intervals),
         },
         "forward": None if forward is None else _forward(forward),

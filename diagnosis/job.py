@@ -41,10 +41,15 @@ def diagnose_logs(
             raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())
     require_writable(out / DOCUMENT)
     robot = load_robot(model)
-    recordings = dict(zip(run_names(logs), read_runs(logs, robot), strict=True))
+    names = run_names(logs)
+    recordings = dict(zip(names, read_runs(logs, robot), strict=True))
     with steps() as progress:
         with progress.step("diagnose"):
-            diagnosis = diagnose(robot, recordings, without)
+            try:
+                diagnosis = diagnose(robot, recordings, without)
+            except InputError as error:
+                files = dict(zip(names, map(str, logs), strict=True)) | {"logs": ", ".join(map(str, logs))}
+                raise error.located(files.get(error.source, error.source)) from None
         with progress.step("corrected simulator"):
             not_in_mjcf = write_corrected(diagnosis, out / "corrected.xml")
         # Most of both is outside the interpreter, and neither looks at the other.

@@ -41,16 +41,19 @@ class PredictedTorque:
 
 
 def predict(directory: Path, log: Path, out: Path) -> PredictedTorque:
-    """Predict the torque along LOG's motion with DIR's corrected model, and write it to ``out``.
+    """Predict the torque along LOG's motion with DIR's corrected model, write it to ``out`` and say so.
 
     ``out`` is a robot-log with LOG's time and motion, the corrected model's torque as joint/torque, and
     nominal/torque and parameters/torque beside it. LOG's torque is never used. Raises InputError.
     """
     require_writable(out, log, Path(directory) / DOCUMENT)
     model = read_diagnosed(directory)
-    recording = read_log(log)
+    recording = read_log(log, with_torque=False)
     check_motion(recording, model.chain, model.limits, log)
-    predicted = predict_torque(model, recording)
+    try:
+        predicted = predict_torque(model, recording)
+    except InputError as error:
+        raise error.located(log if error.source == "log" else error.source) from None
     written = Recording(
         robot=recording.robot,
         joint_names=recording.joint_names,
@@ -69,6 +72,8 @@ def predict(directory: Path, log: Path, out: Path) -> PredictedTorque:
             for name, torque in (("nominal", predicted.nominal), ("parameters", predicted.parameters)):
                 dataset = file.create_dataset(f"{name}/torque", data=torque, track_times=False)
                 dataset.attrs["unit"] = unit
+    samples, joints = predicted.corrected.shape
+    print(f"{out}: predicted torque of {joints} joints at {samples} instants of {log}")
     return predicted
 
 

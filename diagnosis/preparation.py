@@ -230,7 +230,10 @@ def _run(robot: Robot, log: _Log, bands: Array, thinning: int) -> Run:
     """One run filtered. bands: (n,) Hz. thinning: as of ``Prepared``."""
     recording, rate = log.recording, log.motion.sample_rate
     cutoff = filter_cutoff(rate)
-    signals = differentiate(log.motion, "butterworth_central", POSITION_BAND * cutoff)
+    try:
+        signals = differentiate(log.motion, "butterworth_central", POSITION_BAND * cutoff)
+    except InputError as error:
+        raise error.located(log.name) from None
     samples = len(signals.q)
     cutoffs = np.minimum(bands, cutoff)
     filters = decimating_filters(rate, cutoffs, thinning)

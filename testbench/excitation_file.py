@@ -11,7 +11,7 @@ from identification.excitation.excitation import Excitation
 from identification.excitation.trajectories import trajectory_from_dict
 from identification.excitation.trajectory import Trajectory
 
-from .files import replacing
+from .files import replacing, require_file
 
 FORMAT, VERSION = "excitation", 1
 
@@ -58,8 +58,7 @@ def read_trajectory(path: str | Path) -> tuple[tuple[str, ...], Trajectory]:
     Raises InputError that names the file, the field and what is wrong with it.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "trajectory", "an existing excitation.json", "no such file")
+    require_file(path, "trajectory", "an existing excitation.json")
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:

@@ -58,10 +58,19 @@ def require_writable(path: str | Path, *read: Path) -> None:
             raise InputError(path, "out", "another file than those that are read", source)
 
 
+def require_file(path: Path, field: str, expected: str) -> None:
+    """Raise InputError unless there is a file to read; expected: what it should be."""
+    if path.is_dir():
+        raise InputError(path, field, expected, "a folder")
+    if not path.is_file():
+        raise InputError(path, field, expected, "no regular file" if path.exists() else "no such file")
+    if not os.access(path, os.R_OK):
+        raise InputError(path, field, expected, "a file that may not be read")
+
+
 def read_json(path: Path) -> Any:
     """A JSON file's content. Raises InputError when it is none."""
-    if not path.is_file():
-        raise InputError(path, "file", "an existing JSON file", "no such file")
+    require_file(path, "file", "an existing JSON file")
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:

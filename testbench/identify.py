@@ -53,7 +53,9 @@ def identify_logs(
             options,
         )
     except InputError as error:
-        raise error.located(", ".join(map(str, logs))) if error.source == "logs" else error from None
+        # What simulates the runs, or stacks them, does not know their files.
+        unnamed = error.source in ("log", "logs")
+        raise error.located(", ".join(map(str, logs))) if unnamed else error from None
     write_estimate(result, out / "estimate.json")
     write_report(result, out / "report.html")
     if identified_model is not None:

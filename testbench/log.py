@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
-from .files import replacing
+from .files import replacing, require_file
+from .hdf5 import CheckedFile, decoded, single
 
 Array = NDArray[np.float64]
 
@@ -160,63 +161,60 @@ def _unit(hinge: str, slide: str, slides: Sequence[bool]) -> str | list[str]:
     return units[0] if len(set(units)) == 1 else units
 
 
-def read_log(path: str | Path, with_truth: bool = False) -> Recording:
+def read_log(path: str | Path, with_truth: bool = False, with_torque: bool = True) -> Recording:
     """Read a robot-log and check every rule of the format; ``truth`` stays empty unless asked for.
 
-    Raises InputError naming the file, the dataset or attribute, and the rule it breaks.
+    with_torque: False for what needs the motion alone; joint/torque is left alone then, be it there or not,
+    and the recording's torque is zero. Raises InputError naming the file, the dataset or attribute, and the
+    rule it breaks.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "log", "an existing robot-log file", "no such file")
+    require_file(path, "log", "an existing robot-log file")
     try:
         file = h5py.File(path, "r")
     except OSError:
         raise InputError(path, "log", "an HDF5 file", "something else, or a damaged file") from None
     with file:
-        reader = _Reader(file, path)
-        recording = reader.recording(with_truth)
+        recording = _Reader(file, path).recording(with_truth, with_torque)
     check_recording(recording, path)
     return recording
 
 
-class _Reader:
+class _Reader(CheckedFile):
     """An open robot-log; checks what only the file shows: attributes, presence, types, units."""
 
     def __init__(self, file: h5py.File, path: Path):
-        self.file, self.path = file, path
-        if self._text(file, "format") != FORMAT:
-            raise InputError(path, "format", repr(FORMAT), repr(self._text(file, "format")))
-        version = self._attribute(file, "format_version")
-        if not np.array_equal(version, VERSION):
-            raise InputError(path, "format_version", str(VERSION), version)
-        names = np.atleast_1d(self._attribute(file, "joint_names"))
-        if names.ndim != 1 or not all(isinstance(name, (str, bytes)) for name in names.tolist()):
-            raise InputError(path, "joint_names", "a list of strings", names.tolist())
-        self.joint_names = tuple(_decoded(name) for name in names.tolist())
+        super().__init__(file, path)
+        if self.text(file, "format") != FORMAT:
+            raise InputError(path, "format", repr(FORMAT), repr(self.text(file, "format")))
+        version = self.number(file, "format_version", f"the number {VERSION}")
+        if version != VERSION:
+            raise InputError(path, "format_version", f"the number {VERSION}", f"{version:g}")
+        self.joint_names = self._joint_names()
         self.slides = self._slides()
 
-    def recording(self, with_truth: bool) -> Recording:
+    def recording(self, with_truth: bool, with_torque: bool) -> Recording:
         """Everything that version 1 of the format knows; other datasets are left alone."""
         channels = {
             channel: self._values(name, hinge, slide)
             for name, channel, hinge, slide in CHANNELS
-            if channel in REQUIRED or name in self.file
+            if (with_torque or channel != "torque") and (channel in REQUIRED or name in self.file)
         }
+        if not with_torque:
+            channels["torque"] = np.zeros_like(channels["position"])
         truth: dict[str, Array] = {}
         effects: list[dict[str, Any]] = []
         if with_truth and "truth" in self.file:
             group = self.file["truth"]
             effects = json.loads(group.attrs.get("effects", "[]"))
             truth = {
-                name: self._numbers(f"truth/{name}")
-                for name in group
-                if isinstance(group[name], h5py.Dataset)
+                name: self.numbers(f"truth/{name}") for name in group if isinstance(group[name], h5py.Dataset)
             }
         return Recording(
-            robot=self._text(self.file, "robot"),
+            robot=self.text(self.file, "robot"),
             joint_names=self.joint_names,
-            sample_rate=self._number(self.file, "sample_rate"),
-            source=self._text(self.file, "source"),
+            sample_rate=self.number(self.file, "sample_rate"),
+            source=self.text(self.file, "source"),
             time=self._values("time", "s", "s"),
             controller=self._controller() if "controller" in self.file else None,
             truth=truth,
@@ -226,10 +224,21 @@ class _Reader:
             **channels,
         )
 
+    def _joint_names(self) -> tuple[str, ...]:
+        given = self.attribute(self.file, "joint_names")
+        names = np.atleast_1d(given)
+        if names.ndim != 1 or not all(isinstance(name, (str, bytes)) for name in names.tolist()):
+            raise InputError(self.path, "joint_names", "a list of strings", names.tolist())
+        joints = self.dataset("joint/position").shape
+        if np.ndim(given) == 0 and joints is not None and joints[1:] not in ((), (1,)):
+            got = f"one string, {decoded(given)!r}"
+            raise InputError(self.path, "joint_names", f"a list of {joints[1]} strings, one a joint", got)
+        return tuple(decoded(name) for name in names.tolist())
+
     def _slides(self) -> tuple[bool, ...]:
         """Which joints slide, from the units of their positions; one unit stands for all joints."""
         n = len(self.joint_names)
-        units = self._units("joint/position")
+        units = self.units("joint/position")
         if len(units) not in (1, n) or not set(units) <= {"rad", "m"}:
             raise InputError(
                 self.path, "joint/position", "unit 'rad', 'm', or one of them a joint", list(units)
@@ -238,7 +247,7 @@ class _Reader:
 
     def _values(self, name: str, hinge: str, slide: str) -> Array:
         """A dataset as float64, its unit checked."""
-        values, units = self._numbers(name), self._units(name)
+        values, units = self.numbers(name), self.units(name)
         expected = [hinge] if hinge == slide else [slide if sliding else hinge for sliding in self.slides]
         if units != tuple(expected) and (len(set(expected)) > 1 or units != (expected[0],)):
             shown = expected if len(set(expected)) > 1 else repr(expected[0])
@@ -247,74 +256,35 @@ class _Reader:
             )
         return values
 
-    def _numbers(self, name: str) -> Array:
-        dataset = self.file.get(name)
-        if not isinstance(dataset, h5py.Dataset):
-            raise InputError(self.path, name, "a dataset", "none" if dataset is None else "a group")
-        if dataset.dtype.kind not in "fiu":
-            raise InputError(self.path, name, "real numbers", f"type {dataset.dtype}")
-        return np.array(dataset, dtype=np.float64)
-
-    def _units(self, name: str) -> tuple[str, ...]:
-        dataset = self.file.get(name)
-        if not isinstance(dataset, h5py.Dataset):
-            raise InputError(self.path, name, "a dataset", "none" if dataset is None else "a group")
-        if "unit" not in dataset.attrs:
-            raise InputError(self.path, name, "an attribute 'unit'", "none")
-        return tuple(_decoded(unit) for unit in np.atleast_1d(dataset.attrs["unit"]).tolist())
-
     def _controller(self) -> Controller:
         group = self.file["controller"]
         if not isinstance(group, h5py.Group):
             raise InputError(self.path, "controller", "a group", "a dataset")
-        kind = self._text(group, "kind")
+        kind = self.text(group, "kind")
         if kind not in CONTROLLER_KINDS:
             raise InputError(self.path, "controller kind", "a controller", repr(kind), CONTROLLER_KINDS)
         gains: dict[str, Array] = {}
         for name in ("kp", "kd"):
             if kind != "unknown" or name in group:
                 # The format spells no unit of theirs.
-                gains[name] = self._numbers(f"controller/{name}")
+                gains[name] = self.numbers(f"controller/{name}")
         needs_smoothing = kind == "pd_with_model_feedforward"
-        smoothing = self._number(group, "coulomb_smoothing") if needs_smoothing else None
+        smoothing = self.number(group, "coulomb_smoothing") if needs_smoothing else None
         # What nothing is known of may have no rate either; it is not used.
         if kind == "unknown" and "rate" not in group.attrs:
-            rate = self._number(self.file, "sample_rate")
+            rate = self.number(self.file, "sample_rate")
         else:
-            rate = self._number(group, "rate")
+            rate = self.number(group, "rate")
         return Controller(kind, rate, coulomb_smoothing=smoothing, **gains)
 
     def _provenance(self) -> dict[str, Any]:
-        if "provenance" not in self.file.attrs:
-            return {}
+        """What the log tells of its making, where that is a JSON object; the format asks for none."""
+        given = single(self.file.attrs.get("provenance", ""))
         try:
-            provenance = json.loads(self._text(self.file, "provenance"))
-        except json.JSONDecodeError as error:
-            raise InputError(self.path, "provenance", "a JSON object", str(error)) from None
-        if not isinstance(provenance, dict):
-            raise InputError(self.path, "provenance", "a JSON object", provenance)
-        return provenance
-
-    def _attribute(self, holder: h5py.Group, name: str) -> Any:
-        if name not in holder.attrs:
-            raise InputError(self.path, f"{holder.name.strip('/')} {name}", "an attribute", "none")
-        return holder.attrs[name]
-
-    def _text(self, holder: h5py.Group, name: str) -> str:
-        value = self._attribute(holder, name)
-        if not isinstance(value, (str, bytes)):
-            raise InputError(self.path, name, "a string", value)
-        return _decoded(value)
-
-    def _number(self, holder: h5py.Group, name: str) -> float:
-        value = np.asarray(self._attribute(holder, name))
-        if value.size != 1 or value.dtype.kind not in "fiu":
-            raise InputError(self.path, name, "a number", value)
-        return float(value.item())
-
-
-def _decoded(text: Any) -> str:
-    return text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text)
+            provenance = json.loads(decoded(given)) if isinstance(given, (str, bytes)) else None
+        except json.JSONDecodeError:
+            return {}
+        return provenance if isinstance(provenance, dict) else {}
 
 
 def check_recording(recording: Recording, source: object) -> None:

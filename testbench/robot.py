@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from identification.chain import Chain, chain_from_model
 from identification.errors import InputError
 
+from .files import require_file
 from .unmodelled_forces import unmodelled_forces
 
 Array = NDArray[np.float64]
@@ -74,8 +75,7 @@ def load_robot(path: str | Path) -> Robot:
     rad/s², one value a joint. Raises InputError, also for a model with forces that would be ignored.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "model", "an existing MJCF or URDF file", "no such file")
+    require_file(path, "model", "an existing MJCF or URDF file")
     try:
         _leave_no_log_file()
         model = mujoco.MjModel.from_xml_path(str(path))

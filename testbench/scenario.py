@@ -15,6 +15,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from identification.errors import InputError
 from identification.parameters import DEFAULT_GROUPS
 
+from .files import require_file
+
 
 def _quantity(unit: str) -> BeforeValidator:
     """Accept a bare number, or a string of a number and exactly this unit."""
@@ -170,8 +172,7 @@ class Scenario(_Section):
 
 def read_fields(path: Path) -> dict[str, Any]:
     """The fields of a YAML file. Raises InputError for anything but a mapping."""
-    if not path.is_file():
-        raise InputError(path, "scenario", "an existing YAML file", "no such file")
+    require_file(path, "scenario", "an existing YAML file")
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:

@@ -25,7 +25,7 @@ def simulate_model(
     seed: int,
     jobs: int | None,
 ) -> Recording:
-    """Drive a model along a trajectory file and write the robot-log to ``out``. Raises InputError.
+    """Drive a model along a trajectory file, write the robot-log to ``out`` and say so. Raises InputError.
 
     effects: as ``NAME[:joint[:key=value,...]]``, beside those of ``options``.
     """
@@ -44,4 +44,6 @@ def simulate_model(
     recording = dataclasses.replace(recording, provenance=recording.provenance | told)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_log(recording, out)
+    joints, rate = len(recording.joint_names), recording.sample_rate
+    print(f"{out}: {len(recording.time) / rate:.3g} s of {joints} joints at {rate:g} Hz")
     return recording

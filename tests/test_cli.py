@@ -135,6 +135,11 @@ def test_one_seed_gives_one_log_on_any_number_of_threads(place: Path) -> None:
     assert np.array_equal(one.torque, first.torque)
 
 
+def test_simulate_says_what_it_wrote(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["simulate", "--model", "arm.xml", "--trajectory", "T.json", "--periods", "1", "--out", "new.h5"])
+    assert capsys.readouterr().out == "new.h5: 4 s of 2 joints at 1000 Hz\n"
+
+
 def test_an_effect_can_be_put_into_the_simulated_robot(place: Path) -> None:
     effect = "stribeck_friction:elbow:extra=5,velocity=0.1"
     drive = "simulate --model arm.xml --trajectory T.json --seed 1 --periods 1 --out with.h5 --effect"
@@ -214,6 +219,7 @@ BAD_VALUES = [
     ("identify --model arm.xml fit.h5 --validate none.h5 --out d", ["none.h5: log", "no such file"]),
     ("run none.yaml", ["none.yaml: scenario", "no such file"]),
     ("run scenario.yaml --out arm.xml", ["arm.xml", "out"]),
+    ("compare weather --out d", ["question", "'weather'", "criteria, estimators"]),
     ("view .", ["session.rrd", "no such file"]),
 ]
 

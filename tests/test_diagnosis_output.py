@@ -14,7 +14,7 @@ from rich.console import Console
 
 from diagnosis.correction import Term, corrected_model, correction_document, read_correction
 from diagnosis.discrimination import next_experiment
-from diagnosis.document import write_diagnosis
+from diagnosis.document import diagnosis_document, write_diagnosis
 from diagnosis.experiments import why
 from diagnosis.findings import Diagnosis
 from diagnosis.forward import forward_gap
@@ -29,7 +29,7 @@ from identification.filtering import zero_phase_lowpass
 from testbench.effects import effects, injection
 from testbench.effects.base import Scope
 from testbench.excitation_file import read_trajectory, write_excitation
-from testbench.log import Recording, read_log, write_log
+from testbench.log import CHANNELS, Recording, read_log, write_log
 from testbench.recording import POSE_RATE
 from testbench.robot import Robot, load_robot
 
@@ -162,7 +162,9 @@ def test_prediction_closes_the_gap_of_a_run_never_diagnosed(
     )
 
 
-def test_prediction_never_reads_the_logs_torque(folder: Path, tmp_path: Path) -> None:
+def test_prediction_never_reads_the_logs_torque(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     predict(folder, folder / "unseen.h5", tmp_path / "one.h5")
     with h5py.File(folder / "unseen.h5") as source, h5py.File(tmp_path / "scrambled.h5", "w") as target:
         for key, value in source.attrs.items():
@@ -173,9 +175,17 @@ def test_prediction_never_reads_the_logs_torque(folder: Path, tmp_path: Path) ->
         for name in ("joint/torque", "joint/torque_command"):
             target[name][...] = 100 * rng.standard_normal(target[name].shape)
     predict(folder, tmp_path / "scrambled.h5", tmp_path / "two.h5")
+    with h5py.File(tmp_path / "scrambled.h5", "a") as target:
+        del target["joint/torque"]
+    predict(folder, tmp_path / "scrambled.h5", tmp_path / "three.h5")
     for name in ("joint/torque", "nominal/torque", "parameters/torque"):
-        with h5py.File(tmp_path / "one.h5") as one, h5py.File(tmp_path / "two.h5") as two:
-            np.testing.assert_array_equal(one[name], two[name])
+        with h5py.File(tmp_path / "one.h5") as one:
+            for other in ("two.h5", "three.h5"):
+                with h5py.File(tmp_path / other) as found:
+                    np.testing.assert_array_equal(one[name], found[name])
+    said = capsys.readouterr().out.splitlines()
+    assert len(said) == 3
+    assert said[0].startswith(f"{tmp_path / 'one.h5'}: predicted torque of 3 joints at ")
 
 
 @pytest.mark.parametrize("name", effects())
@@ -365,6 +375,14 @@ def test_summary_is_at_most_ten_lines(answer: Diagnosis) -> None:
     assert any("Stribeck friction, lift: 93 %" in line for line in lines)
 
 
+def test_where_there_is_no_gap_nothing_is_closed_and_no_place_is_told(answer: Diagnosis) -> None:
+    none = replace(answer, verdict="none", effects=())
+    assert answer.gap.closed is not None
+    assert diagnosis_document(none)["gap"]["closed"] is None
+    assert "where" in summary(answer).plain
+    assert "where" not in summary(none).plain
+
+
 def test_session_holds_both_residuals_and_the_moving_arm(answer: Diagnosis, tmp_path: Path) -> None:
     write_session(answer, tmp_path / "session.rrd")
     rows: dict[str, int] = {}
@@ -378,6 +396,17 @@ def test_session_holds_both_residuals_and_the_moving_arm(answer: Diagnosis, tmp_
         assert f"/{run.name}/joints/turn/effects/1_stribeck_friction" not in rows
         assert rows[f"/{run.name}/arm/measured/ram"] == len(run.logged.time[:: round(1000 / POSE_RATE)])
     assert {"/summary", "/evidence"} <= set(rows)
+
+
+def test_a_log_that_is_too_short_is_named_by_its_path(robot: Robot, folder: Path, tmp_path: Path) -> None:
+    run, end = read_log(folder / "unseen.h5"), slice(150)
+    names = ("time", *(channel for _, channel, _, _ in CHANNELS))
+    short = {name: None if getattr(run, name) is None else getattr(run, name)[end] for name in names}
+    write_log(replace(run, **short), tmp_path / "short.h5")
+    with pytest.raises(InputError, match=rf"{tmp_path}/short\.h5: time: expected at least 200 samples"):
+        diagnose_logs(robot.path, [tmp_path / "short.h5"], tmp_path / "d")
+    with pytest.raises(InputError, match=rf"{tmp_path}/short\.h5: time: expected at least 200 samples"):
+        predict(folder, tmp_path / "short.h5", tmp_path / "p.h5")
 
 
 def test_job_refuses_an_unknown_effect_and_another_robots_log(

@@ -170,7 +170,9 @@ def put(index: object, value: float) -> Callable[[np.ndarray], np.ndarray]:
 BROKEN = [
     (attribute("format", "log"), ["format", "'robot-log'", "'log'"]),
     (without("format"), ["format", "none"]),
-    (attribute("format_version", 2), ["format_version", "expected 1", "got 2"]),
+    (attribute("format_version", 2), ["format_version", "expected the number 1", "got 2"]),
+    (attribute("format_version", "1"), ["format_version", "expected the number 1", "got '1'"]),
+    (attribute("joint_names", "a,b,c"), ["joint_names", "a list of 3 strings", "got one string, 'a,b,c'"]),
     (without("robot"), ["robot"]),
     (without("source"), ["source"]),
     (attribute("joint_names", ["a", "b"]), ["joint/position", "(40, 2)", "(40, 3)"]),
@@ -178,7 +180,6 @@ BROKEN = [
     (attribute("joint_names", [1, 2, 3]), ["joint_names", "strings"]),
     (attribute("sample_rate", 1000.0), ["sample_rate", "250 Hz", "1000"]),
     (attribute("sample_rate", "fast"), ["sample_rate", "a number"]),
-    (attribute("provenance", "{"), ["provenance", "JSON"]),
     (lambda file: file.__delitem__("time"), ["time", "a dataset", "none"]),
     (lambda file: file.__delitem__("joint/torque"), ["joint/torque", "a dataset", "none"]),
     (without("unit", "joint/torque"), ["joint/torque", "'unit'"]),
@@ -194,6 +195,8 @@ BROKEN = [
     (values("joint/torque", lambda array: array[:-1]), ["joint/torque", "(40, 3)", "(39, 3)"]),
     (values("joint/velocity", lambda array: array[:, 0]), ["joint/velocity", "(40, 3)", "(40,)"]),
     (values("joint/position", lambda array: array.astype("S8")), ["joint/position", "real numbers"]),
+    (values("joint/position", lambda array: array.astype("S8").tolist()), ["joint/position", "got text"]),
+    (values("time", lambda array: h5py.Empty("f8")), ["time", "real numbers", "empty dataset"]),
     (values("controller/kp", lambda array: array[:2]), ["controller/kp", "(3,)", "(2,)"]),
     (lambda file: file.__delitem__("controller/kd"), ["controller/kd", "a dataset"]),
     (
@@ -220,9 +223,59 @@ def test_a_broken_rule_is_named(tmp_path: Path, damage: Callable[[h5py.File], No
     assert [part for part in says if part not in line] == []
 
 
+ODD = [
+    (attribute("provenance", "recorded by hand"), {}),
+    (attribute("provenance", "[1, 2]"), {}),
+    (attribute("provenance", 7), {}),
+    (attribute("provenance", '{"cell": 4}'), {"cell": 4}),
+]
+
+
+@pytest.mark.parametrize(("change", "provenance"), ODD)
+def test_provenance_may_be_anything(
+    tmp_path: Path, change: Callable[[h5py.File], None], provenance: dict[str, int]
+) -> None:
+    write_log(recording(), tmp_path / "run.h5")
+    with h5py.File(tmp_path / "run.h5", "a") as file:
+        change(file)
+    assert read_log(tmp_path / "run.h5").provenance == provenance
+
+
+def test_attributes_of_one_element_are_that_element(tmp_path: Path) -> None:
+    write_log(recording(), tmp_path / "run.h5")
+    with h5py.File(tmp_path / "run.h5", "a") as file:
+        for holder in (file, file["controller"]):
+            for name in set(holder.attrs) - {"joint_names"}:
+                holder.attrs[name] = [holder.attrs[name]]
+    assert equal(read_log(tmp_path / "run.h5", with_truth=True), recording())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda file: file.__delitem__("joint/torque"), values("joint/torque", put(slice(None), np.nan))],
+)
+def test_torque_that_is_not_asked_for_may_be_missing(
+    tmp_path: Path, change: Callable[[h5py.File], None]
+) -> None:
+    write_log(recording(), tmp_path / "run.h5")
+    with h5py.File(tmp_path / "run.h5", "a") as file:
+        change(file)
+    got = read_log(tmp_path / "run.h5", with_truth=True, with_torque=False)
+    assert equal(got, replace(recording(), torque=np.zeros((SAMPLES, JOINTS))))
+    with pytest.raises(InputError, match="joint/torque"):
+        read_log(tmp_path / "run.h5")
+
+
 def test_a_file_that_is_no_log_is_named(tmp_path: Path) -> None:
     (tmp_path / "text.h5").write_text("time,q\n")
-    for name, says in (("text.h5", "an HDF5 file"), ("none.h5", "no such file")):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "null").symlink_to("/dev/null")
+    for name, says in (
+        ("text.h5", "an HDF5 file"),
+        ("none.h5", "no such file"),
+        ("folder", "got a folder"),
+        ("null", "no regular file"),
+    ):
         with pytest.raises(InputError, match=says):
             read_log(tmp_path / name)
 
