@@ -1,9 +1,7 @@
 """The motion that a diagnosis proposes, against a random one within its limits and another cautious one."""
 
 import io
-import multiprocessing
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import redirect_stdout
 from itertools import product
 from pathlib import Path
@@ -11,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from diagnosis.loop.job import close_loop
 from diagnosis.loop.outcome import Outcome
-from testbench.compare.case import one_thread
+from testbench.processes import process_pool
 
 from ._report import Report
 
@@ -31,12 +29,7 @@ RIGHT, FIRST, OPEN, WRONG, NOTHING, AT_ONCE = (
 
 def measure() -> Report:
     trials = list(product(NAMES, SEEDS, FOLLOW))
-    # Forking a process that has threads may hang.
-    context = multiprocessing.get_context("spawn")
-    with (
-        TemporaryDirectory() as folder,
-        ProcessPoolExecutor(mp_context=context, initializer=one_thread) as pool,
-    ):
+    with TemporaryDirectory() as folder, process_pool() as pool:
         said = list(pool.map(_said, [Path(folder)] * len(trials), *zip(*trials, strict=True)))
     found = Counter((name, follow, answer) for (name, _, follow), answer in zip(trials, said, strict=True))
     rows = [

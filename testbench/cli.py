@@ -31,6 +31,8 @@ app = App(
     help="Why does the simulator disagree with the robot? Identify an arm from its logs, and see.",
     version=version("identification-testbench"),
     version_flags=["--version"],
+    # An interrupt is told of in ``main``.
+    suppress_keyboard_interrupt=False,
 )
 
 for command in (run, excite, simulate, identify, diagnose, predict, loop, compare, view):

@@ -11,8 +11,8 @@ from identification.excitation.design import DesignOptions
 from identification.excitation.limits import limit_margins
 from identification.excitation.two_stage import design_two_stage
 from testbench.compare import case as cases
-from testbench.compare import compare, runner
-from testbench.compare.compare import summary
+from testbench.compare import runner
+from testbench.compare.compare import compare, summary
 from testbench.compare.verdict import verdict
 from testbench.robot import load_robot
 
@@ -69,7 +69,7 @@ def in_this_process(monkeypatch):
             future.set_result(work(case))
             return future
 
-    monkeypatch.setattr(runner, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(runner, "process_pool", Here)
     return ran
 
 
@@ -246,6 +246,10 @@ def test_the_verdict_counts_starts_by_the_best_of_all():
     assert "logdet needs 3 (6 s)" in text
     assert "hadamard never does" in text
     assert "2.5 % of the 40 s of 4 starts by logdet_differences" in text
+    # Of what is over in less than a second nobody asks for a share.
+    quick = " ".join(verdict("criteria", [row | {"seconds": 0.01} for row in rows]))
+    assert "hadamard_then_logdet needs 1 (0.01 s)" in quick
+    assert "starts by logdet_differences" not in quick
 
 
 def test_the_summary_is_the_median_of_what_is_known():

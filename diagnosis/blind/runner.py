@@ -1,16 +1,14 @@
 """Cases worked on in parallel: one process a core, with the time left on a terminal."""
 
-import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import suppress
+from concurrent.futures import as_completed
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from testbench.compare.case import one_thread
+from testbench.processes import process_pool
 
 
 def run_each(
@@ -22,26 +20,18 @@ def run_each(
     """
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console, hidden = Console(stderr=True), not sys.stderr.isatty()
-    # Forking a process that has threads may hang.
-    context = multiprocessing.get_context("spawn")
     failures: list[Exception] = []
     with Progress(*columns, console=console, disable=hidden) as progress:
         task = progress.add_task(title, total=total, completed=total - len(left))
         if not left:
             return
         workers = min(jobs or os.cpu_count() or 1, len(left))
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=one_thread) as pool:
-            running = [pool.submit(work, index) for index in left]
-            try:
-                for done in as_completed(running):
-                    try:
-                        done.result()
-                    except Exception as error:
-                        failures.append(error)
-                    progress.update(task, advance=1)
-            except BaseException:
-                with suppress(Exception):
-                    pool.shutdown(wait=False, cancel_futures=True)
-                raise
+        with process_pool(workers) as pool:
+            for done in as_completed([pool.submit(work, index) for index in left]):
+                try:
+                    done.result()
+                except Exception as error:
+                    failures.append(error)
+                progress.update(task, advance=1)
     if failures:
         raise failures[0]

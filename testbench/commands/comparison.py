@@ -23,7 +23,11 @@ def compare(
     seed: ScenarioSeed = None,
 ) -> None:
     """Compare every choice over seeds and noise levels; resumable, in parallel."""
-    from ..compare import compare as run_comparison
+    from ..compare.case import require_question
+
+    # What follows takes seconds to load.
+    require_question(question)
+    from ..compare.compare import compare as run_comparison
 
     run_comparison(question, scenario, out, jobs, scheduler, seed)
 

@@ -4,7 +4,3 @@ trajectories.
 A comparison is a grid of independent cases. Each finished case is a file, so that an interrupted
 comparison goes on where it stopped.
 """
-
-from .compare import compare
-
-__all__ = ["compare"]

@@ -3,7 +3,6 @@
 import hashlib
 import importlib
 import json
-import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +14,12 @@ QUESTIONS = ("criteria", "estimators", "differentiation", "trajectories")
 
 # Figures of one case by name; what is unknown is None.
 Row = dict[str, float | int | str | None]
+
+
+def require_question(question: str) -> None:
+    """Raise InputError with the valid ones unless there is such a question."""
+    if question not in QUESTIONS:
+        raise InputError("compare", "question", "what to compare", repr(question), QUESTIONS)
 
 
 @dataclass(frozen=True)
@@ -50,8 +55,3 @@ def run_case(case: Case) -> Row:
         return row | module.run(case)
     except InputError as error:
         return row | {"note": str(error)}
-
-
-def one_thread() -> None:
-    """Set up a worker process: the cases share the cores, not the parts of a case."""
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"

@@ -18,7 +18,7 @@ from ..files import replacing, require_writable
 from ..robot import load_robot
 from ..scenario import Scenario, load_scenario
 from . import criteria, estimators
-from .case import QUESTIONS, Case, Row
+from .case import Case, Row, require_question
 from .experiment import described
 from .page import write_page
 from .runner import run_cases
@@ -41,8 +41,7 @@ def compare(
     scenario_file: scenarios/compare_QUESTION.yaml when None. jobs, scheduler: see ``run_cases``. seed:
     instead of the scenario's. Raises InputError.
     """
-    if question not in QUESTIONS:
-        raise InputError("compare", "question", "what to compare", repr(question), QUESTIONS)
+    require_question(question)
     require_writable(out / PAGE)
     path = scenario_file or SCENARIOS / f"compare_{question}.yaml"
     scenario, variants = load_scenario(path)

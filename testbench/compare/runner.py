@@ -1,11 +1,10 @@
 """Cases run in parallel, each result a file: on the cores of this machine or on a Dask cluster."""
 
 import json
-import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,7 +14,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from identification.errors import InputError
 
 from ..files import replacing
-from .case import Case, Row, one_thread, run_case
+from ..processes import process_pool
+from .case import Case, Row, run_case
 
 # How long a Dask scheduler may take to answer.
 PATIENCE = "10s"
@@ -58,9 +58,7 @@ def _keep(case: Case, row: Row, place: Path) -> None:
 @contextmanager
 def _executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
     if scheduler is None:
-        # Forking a process that has threads may hang.
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=one_thread) as pool:
+        with process_pool(workers) as pool:
             yield pool
         return
     # Slow to import.

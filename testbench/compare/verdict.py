@@ -12,6 +12,8 @@ from .figures import numbers
 NEAR = 1.1
 # So near to the best of all starts by -log det a design must come.
 WITHIN = 0.05
+# Seconds: a share of less is one of start-up times.
+SHORTEST = 1.0
 
 
 def verdict(question: str, rows: Sequence[Row]) -> list[str]:
@@ -159,8 +161,9 @@ def _fewest_starts(rows: Sequence[Row], seconds: dict[str, float]) -> list[str]:
     for name in criteria.DIFFERENCES:
         if name in seconds:
             whole = starts * seconds[name]
-            share = 100 * spent[best][1] / whole
-            rivals.append(f"{share:.2g} % of the {whole:.0f} s of {starts} starts by {name}")
+            if whole >= SHORTEST:
+                share = 100 * spent[best][1] / whole
+                rivals.append(f"{share:.2g} % of the {whole:.0f} s of {starts} starts by {name}")
     compared = f" {best} takes {' and '.join(rivals)}." if rivals else ""
     return [f"{text}.{compared}"]
 
