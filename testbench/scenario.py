@@ -9,13 +9,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from identification.errors import InputError
 from identification.parameters import DEFAULT_GROUPS
 
-from .files import require_file
+from .yaml_file import read_fields
 
 
 def _quantity(unit: str) -> BeforeValidator:
@@ -111,7 +110,7 @@ class EffectSection(_Section):
     joint: str | int | None = None
     into: str | int | None = None
     law: str | None = None
-    values: dict[str, float] = {}
+    values: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = {}
 
 
 class BackgroundSection(_Section):
@@ -168,18 +167,6 @@ class Scenario(_Section):
     validation: ValidationSection = ValidationSection()
     identification: IdentificationSection = IdentificationSection()
     comparison: ComparisonSection = ComparisonSection()
-
-
-def read_fields(path: Path) -> dict[str, Any]:
-    """The fields of a YAML file. Raises InputError for anything but a mapping."""
-    require_file(path, "scenario", "an existing YAML file")
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(path, "scenario", "YAML", " ".join(str(error).split())) from None
-    if not isinstance(content, dict):
-        raise InputError(path, "scenario", "a mapping of fields", type(content).__name__)
-    return content
 
 
 def load_scenario(path: str | Path) -> tuple[Scenario, dict[str, Scenario]]:

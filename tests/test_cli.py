@@ -197,6 +197,18 @@ BAD_VALUES = [
     ("simulate --model arm.xml --trajectory T.json --out x.h5 --encoder-bits -3", ["encoder_bits", "-3"]),
     ("simulate --model arm.xml --trajectory T.json --out x.h5 --effect rust:elbow", ["'rust'", "backlash"]),
     ("simulate --model arm.xml --trajectory T.json --out x.h5 --effect backlash:knee", ["'knee'", "elbow"]),
+    (
+        "simulate --model arm.xml --trajectory T.json --out x.h5 --effect stribeck_friction:elbow:extra=inf",
+        ["extra", "a finite number", "inf"],
+    ),
+    (
+        "simulate --model arm.xml --trajectory T.json --out x.h5 --effect backlash:elbow:gap=0.1,gap=0.2",
+        ["backlash gap", "one value", "another, '0.2'"],
+    ),
+    (
+        "simulate --model arm.xml --trajectory T.json --out x.h5 --effect joint_elasticity:elbow:stiffness=0",
+        ["joint_elasticity stiffness", "0.001 to inf N·m/rad", "got 0"],
+    ),
     ("identify --model arm.xml none.h5 --out d", ["none.h5: log", "no such file"]),
     ("identify --model arm.xml T.json --out d", ["T.json: log", "an HDF5 file"]),
     ("identify --model arm.xml fit.h5 --out d --estimator best", ["estimator", "'best'", "wls"]),

@@ -57,6 +57,14 @@ def test_variants_change_only_what_they_name(scenario_file):
         (GOOD + "variants: {x: {noise: {hum: 1}}}\n", r"variants.x.noise.hum: expected a known field"),
         ("- a\n- b\n", r"expected a mapping of fields, got list"),
         ("a: [\n", r"scenario: expected YAML"),
+        (GOOD + "seed: 1\nseed: 2\n", r"seed: expected every key once, got it again in line 4"),
+        (GOOD + "noise: {torque: 0.1, torque: 0.2}\n", r"torque: expected every key once, got .* line 3"),
+        (GOOD + "excitation: {starts: true}\n", r"excitation.starts: expected a number or a text, got true"),
+        (GOOD + "effects: [{effect: backlash, joint: yes}]\n", r"effects.0.joint: .* got true"),
+        (
+            GOOD + "effects: [{effect: stribeck_friction, joint: 1, values: {extra: .inf}}]\n",
+            r"effects.0.values.extra: expected a finite number, got inf",
+        ),
     ],
 )
 def test_faults_are_told_in_one_line(scenario_file, text, complaint):

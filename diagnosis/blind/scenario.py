@@ -6,7 +6,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from identification.errors import InputError
-from testbench.scenario import Fraction, Seconds, first_fault, read_fields
+from testbench.scenario import Fraction, Seconds, first_fault
+from testbench.yaml_file import read_fields
 
 # Kind of a case: number of effects of the catalogue that act in it.
 KINDS = {"single": 1, "pair": 2, "triple": 3, "none": 0, "unknown": 0}

@@ -14,8 +14,8 @@ from testbench.scenario import (
     NoiseSection,
     SimulationSection,
     first_fault,
-    read_fields,
 )
+from testbench.yaml_file import read_fields
 
 
 class _Section(BaseModel):

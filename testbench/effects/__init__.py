@@ -5,6 +5,7 @@ robot), ``signature`` (how it shows along logged signals) and ``write`` (how it 
 """
 
 import importlib
+import math
 import pkgutil
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -106,6 +107,7 @@ def parse_injection(robot: Robot, text: str) -> Injection:
     for item in filter(None, settings.split(",")):
         key, equals, value = (part.strip() for part in item.partition("="))
         _require(name, "settings", "key=value,...", repr(item), bool(equals))
+        _require(name, key, "one value", f"another, {value!r}", key not in pairs)
         pairs[key] = value
     law, into = pairs.pop("law", None), pairs.pop("into", None)
     values = {}
@@ -114,6 +116,8 @@ def parse_injection(robot: Robot, text: str) -> Injection:
             values[key] = float(value)
         except ValueError:
             raise InputError("effects", f"{name} {key}", "a number", repr(value)) from None
+        # An upper bound of inf is none, not a value to ask for.
+        _require(name, key, "a finite number", value, math.isfinite(values[key]))
     return injection(robot, name, joint or None, values, law, into)
 
 

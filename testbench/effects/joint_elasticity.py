@@ -41,7 +41,7 @@ DESCRIPTION = EffectDescription(
     'Seering, "A nonlinear model of a harmonic drive gear transmission", IEEE T-RA 12(3), 1996',
     scope=Scope.JOINT,
     parameters=(
-        EffectParameter("stiffness", "N·m/rad", 0.0, np.inf, (9000.0, 1500.0), "inertia"),
+        EffectParameter("stiffness", "N·m/rad", 1e-3, np.inf, (9000.0, 1500.0), "inertia"),
         EffectParameter("damping", "N·m·s/rad", 0.0, np.inf, (6.0, 6.0), "inertia"),
     ),
     laws=("two_mass", "hardening", "quasi_static"),
