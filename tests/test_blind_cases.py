@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 
 from diagnosis.blind.case import LITTLE, make_case, places
 from diagnosis.blind.draw import drawn_case, kinds_of
-from diagnosis.blind.jobs import same_scenario, score
+from diagnosis.blind.jobs import make, same_scenario, score
 from diagnosis.blind.outside import OUTSIDE, outside_values
 from diagnosis.blind.scenario import load_blind_scenario
 from diagnosis.blind.seal import opened, seal
@@ -252,6 +253,20 @@ def test_a_folder_holds_one_scenario(scenario, tmp_path) -> None:
     same_scenario(scenario, tmp_path / "scenario.json")
     with pytest.raises(InputError, match="begun with"):
         same_scenario(scenario.model_copy(update={"seed": 9}), tmp_path / "scenario.json")
+
+
+def test_a_finished_set_is_left_as_it_is(scenario, sealed, tmp_path, capsys) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(sealed, out)
+    before = read_json(out / "manifest.json")
+    with pytest.raises(InputError, match="a folder of this scenario's cases"):
+        make(written(tmp_path), out)
+    same_scenario(scenario, out / "sealed" / "scenario.json")
+    make(written(tmp_path), out)
+    assert capsys.readouterr().out == f"{out}: all 5 cases are sealed already\n"
+    with pytest.raises(InputError, match="begun with"):
+        make(written(tmp_path), out, seed=9)
+    assert read_json(out / "manifest.json") == before
 
 
 @pytest.mark.parametrize("name", ["blind_small", "blind_study"])

@@ -26,17 +26,23 @@ SCORE, TABLE, REPORT = "score.json", "cases.csv", "report.html"
 def make(scenario_file: Path, out: Path, seed: int | None = None, jobs: int | None = None) -> None:
     """Draw and simulate the cases of a scenario below ``out``, and seal their answers; a second call resumes.
 
-    Leaves cases/, sealed/ and manifest.json. Raises InputError.
+    Where all are sealed it says so, and changes nothing. Leaves cases/, sealed/ and manifest.json. Raises
+    InputError, also for a folder of another scenario or seed.
     """
     scenario = load_blind_scenario(scenario_file, seed)
     require_writable(out / SEALED / ANSWERS)
-    if (out / MANIFEST).exists():
-        raise InputError(out, "out", "a folder without sealed cases", MANIFEST)
-    same_scenario(scenario, out / "sealed" / "scenario.json")
+    begun = out / SEALED / "scenario.json"
+    if (out / MANIFEST).exists() and not begun.is_file():
+        raise InputError(out, "out", "a folder of this scenario's cases", f"another {MANIFEST}")
+    same_scenario(scenario, begun)
     names = case_names(len(kinds_of(scenario)))
+    if (out / MANIFEST).exists():
+        print(f"{out}: all {len(names)} cases are sealed already")
+        return
     left = [index for index, name in enumerate(names) if not places(out, name).answer.is_file()]
     run_each(partial(_make, scenario, out), left, len(names), jobs, "cases made")
     seal(out, names)
+    print(f"{out}: {len(names)} cases made and sealed")
 
 
 def _make(scenario: BlindScenario, out: Path, index: int) -> None:
