@@ -29,8 +29,8 @@ PARAMETERS_TORQUE = 0.01
 # How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases
 # (docs/blind.md): of the first that is named, of the second, and of those after it.
 NAMED = (0.97, 0.87, 0.4)
-# Re-identified parameters that leave less than this multiple of the noise hide what acts.
-HIDDEN = 1.03
+# Re-identified parameters that leave less than this multiple of the noise leave little but noise.
+LITTLE_BUT_NOISE = 1.03
 
 
 def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
@@ -118,13 +118,15 @@ def _verdict(found: Attribution, gap: Gap) -> str:
 def _closes_more(found: Attribution) -> bool:
     """Whether some effect that is named explains more than what no effect does, each joint by its torque.
 
-    A push leaves what follows nothing at all, wherever it acted otherwise than it was fitted.
+    What follows nothing at all is told beside the effects, since no motion foretells it; but where most
+    joints have it, what is named is a trace of it. A push leaves it where it acted otherwise than was fitted.
     """
     named = [item for item in found.accepted if item.named]
-    pushed = any(item.candidate.is_event for item in named)
+    nothing = {item.joint for item in found.unknown if item.regime == NOTHING}
+    if 2 * len(nothing) > found.prepared.joints and not any(item.candidate.is_event for item in named):
+        return False
     before = _rms(found.parameters_only[1].held_out, found.parameters_only[0]) / _torque(found.prepared)
-    unknown = [item for item in found.unknown if not (pushed and item.regime == NOTHING)]
-    misfits = [item.share * before[item.joint] ** 2 for item in unknown]
+    misfits = [item.share * before[item.joint] ** 2 for item in found.unknown if item.regime != NOTHING]
     return max(item.worth for item in named) > max(misfits, default=0.0)
 
 
@@ -230,8 +232,8 @@ def _sentence(
         # A drive that reports what it gave: see flat_top.py.
         named = ", ".join(parts)
         return f"There is {named}: along the measured motion it leaves no gap, in closed loop it does."
-    if closed is None or np.sum(gap.parameters) < HIDDEN * np.sum(gap.noise_floor):
-        shrink = "; re-identified parameters would hide it along these motions"
+    if closed is None or np.sum(gap.parameters) < LITTLE_BUT_NOISE * np.sum(gap.noise_floor):
+        shrink = "; re-identified parameters leave little but noise along these motions"
     else:
         shrink = f"; it explains {closed:.0%} of what re-identified parameters leave above the noise"
     return f"The gap comes from {', '.join(parts)}{shrink}."

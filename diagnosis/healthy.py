@@ -73,7 +73,7 @@ SPRING, SPRING_COULOMB = "gravity_spring", 0.1
 # No gear loses so many times the severe end's share of its load, or warms within so many seconds: what seems
 # to is fitted, and has no name.
 OF_THE_LOAD, MOST_OF_LOAD = "load_dependent_friction", 1.5
-WARMING, SHORTEST_WARMING = "thermal_friction_drift", 4.5
+WARMING, SHORTEST_WARMING = "thermal_friction_drift", 3.5
 # The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the viscous
 # torque by this share, if mildly.
 BENDING, BENT = "nonlinear_viscous_friction", 0.1

@@ -118,7 +118,7 @@ class Search:
         if unclaimed(self.first, stage, free):
             # What has no name leaves traces of all kinds.
             return None
-        return self._alone(stage, weighed) or self._trace(stage, weighed)
+        return self._trace(stage, weighed) or self._alone(stage, weighed)
 
     def push(self, stage: Stage, free: Bank) -> Found | None:
         """A push of the surroundings, the only one."""

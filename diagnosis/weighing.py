@@ -242,7 +242,8 @@ class Stage:
             free = np.array([c.is_free for c in chosen])
             ridge = FREE_RIDGE * (free[:, None] * size)[:, :, None] * np.eye(k)
             schur = own - _products(total_cross, through, at)
-            normed = schur / np.sqrt(size[:, :, None] * size[:, None, :])
+            root = np.sqrt(size)
+            normed = schur / (root[:, :, None] * root[:, None, :])
             remaining = np.linalg.eigvalsh((normed + normed.transpose(0, 2, 1)) / 2)
             # The hypothesis's own gradient vanishes at its minimum: Z'r alone drives the coefficients.
             c = coefficients[at] = _bounded(schur + ridge, total_right[at], size, *bounds)
