@@ -19,6 +19,7 @@ SLOWEST_RIPPLE = 10.0
 # Squared residual that is left where a joint's own elasticity is all that gives way, as a share of what
 # re-identification leaves.
 ELASTIC, ELASTIC_LEFT = "joint_elasticity", 0.16
+RESONANCE = "resonance with other joints"
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def resonances(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
     left = [float(last.held_squares[j] / max(float(first.held_squares[j]), 1e-300)) for j in joints]
     if len(joints) < 2 or max(left) < ELASTIC_LEFT:
         return ()
-    return tuple(Unclaimed(j, "resonance", 1 - share) for j, share in zip(joints, left, strict=True))
+    return tuple(Unclaimed(j, RESONANCE, 1 - share) for j, share in zip(joints, left, strict=True))
 
 
 def out_of_bounds(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .accepted import Accepted
+from .accepted import RESONANCE, Accepted
 from .attribution import CONFUSABLE, Attribution, attribute
 from .deviations import covariance_with_shapes
 from .evidence import Design, Fit, on_whole_runs, standard_values
@@ -211,7 +211,8 @@ def _ranked(found: Attribution, verdict: str) -> tuple[RankedCandidate, ...]:
 def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
     followed = item.regime if item.regime == NOTHING else f"the joint's {item.regime}"
     place = f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {followed}"
-    return f"{place}, and no effect of the catalogue explains it"
+    likely = ": a base that rocks or a link that bends would" if item.regime == RESONANCE else ""
+    return f"{place}, and no effect of the catalogue explains it{likely}"
 
 
 def _sentence(

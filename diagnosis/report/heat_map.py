@@ -13,6 +13,8 @@ WHOLE, BEYOND = 100.0, 50.0
 # Per cent below which a cell is left empty.
 SMALLEST = 0.5
 ALL = ("joint", "all")
+# Wider than the one column that it heads.
+BROKEN = {"acceleration": "accele-<br>ration"}
 
 
 def where(diagnosis: Diagnosis) -> go.Figure:
@@ -70,7 +72,7 @@ class _Cells:
 
     def drawn(self, names: tuple[str, ...], full: float) -> go.Heatmap:
         """The cells, at their deepest colour from ``full`` per cent on."""
-        aspects = [aspect for aspect, _ in self.columns]
+        aspects = [BROKEN.get(aspect, aspect) for aspect, _ in self.columns]
         parts = ["<br>".join(part.rsplit(" ", 1)) for _, part in self.columns]
         return go.Heatmap(
             z=self.colour,
