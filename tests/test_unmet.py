@@ -1,0 +1,68 @@
+"""What no effect of the catalogue is, though one was fitted; and a little of one effect alone."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from diagnosis.accepted import RESONANCE, Accepted, out_of_bounds, resonances
+from diagnosis.attribution import attribute
+from diagnosis.candidates import candidates
+from diagnosis.evidence import fitted_to
+from diagnosis.ground import ground
+from diagnosis.preparation import prepare
+from diagnosis.weighing import Stage
+from testbench.effects import parse_injection
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return small_arm(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def prepared(arm):
+    return prepare(arm, simulated_runs(arm, [], runs=1))
+
+
+def _accepted(candidate, named=True):
+    return Accepted(candidate, probability=1.0, rivals=(), score=100.0, share=0.8, worth=0.01, named=named)
+
+
+@pytest.mark.parametrize(("joints", "left", "expected"), [(2, 0.3, [0, 1]), (2, 0.01, []), (1, 0.3, [])])
+def test_several_elastic_joints_that_explain_badly_are_a_resonance(prepared, joints, left, expected):
+    elastic = candidates(prepared, only=["joint_elasticity"])
+    items = [_accepted(next(c for c in elastic if c.family.joint == joint)) for joint in range(joints)]
+    first = Stage.of(ground(prepared), [])
+    last = SimpleNamespace(held_squares=left * first.held_squares)
+    found = resonances(first, last, items)
+    assert [each.joint for each in found] == expected
+    assert all(each.regime == RESONANCE for each in found)
+
+
+@pytest.mark.parametrize(("relative", "expected"), [(0.1, []), (-0.48, [1])])
+def test_a_gain_error_that_no_drive_has_is_none(arm, prepared, relative, expected):
+    gain = next(c for c in candidates(prepared, only=["torque_gain_error"]) if c.family.joint == 1)
+    hypothesis, fitted = fitted_to(prepared, [gain])
+    # The column is the reported torque: what is reported is that of the joint over one and the error.
+    values = np.append(fitted.values[:-1], 1 / (1 + relative) - 1)
+    found = out_of_bounds(arm, hypothesis, replace(fitted, values=values), [_accepted(gain)])
+    assert [each.joint for each in found] == expected
+
+
+@pytest.mark.parametrize(
+    ("others", "expected"),
+    [
+        ([], [("backlash", 0)]),
+        # As in imperfect robots, where the play would be one little thing of many.
+        (["stribeck_friction:elbow:extra=0.2,velocity=0.2"], []),
+    ],
+)
+def test_a_little_of_one_effect_and_of_nothing_else_has_a_name(arm, others, expected):
+    faults = [parse_injection(arm, text) for text in ["backlash:shoulder:gap=0.0005", *others]]
+    found = attribute(prepare(arm, simulated_runs(arm, faults, runs=3, noise=0.01))).accepted
+    assert [(a.candidate.family.effect, a.candidate.family.joint) for a in found if a.named] == expected
