@@ -194,3 +194,24 @@ def test_a_lag_that_makes_most_of_a_joints_error_is_a_drives_however_slow_the_lo
     found = attribute(prepare(arm, slow))
     named = [(a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.named]
     assert named == [("actuator_lag", 0)]
+
+
+@pytest.mark.parametrize(("name", "expected"), [("asymmetric_friction", True), ("cable_spring", False)])
+def test_an_offset_that_first_moments_take_up_is_judged_by_its_size(tmp_path, name, expected):
+    arm = small_arm(tmp_path)
+    stage = Stage.of(ground(prepared := prepare(arm, simulated_runs(arm, [], runs=2))), [])
+    own = next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0)
+    gain = stage.gain(own)
+    # A fifth of the Coulomb friction, certain, that leaves a seventh of the rest and .3 % of the torque.
+    coefficients = 0.4 * np.eye(own.count)[0]
+    squared = np.array([(0.003 * stage.ground.torque_rms[0]) ** 2 * stage.counts[0], 0.0])
+    stage.held_squares = np.maximum(stage.held_squares, 7 * squared)
+    known = replace(
+        gain,
+        coefficients=coefficients,
+        information=2500 * np.eye(own.count),
+        held_out=squared,
+        prior=stage.prior,
+    )
+    assert known.wald == pytest.approx(400)
+    assert is_material(arm, stage, Weighed(known, 30.0)) == expected
