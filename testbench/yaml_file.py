@@ -17,11 +17,13 @@ class _Loader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen = set()
         for key, _ in node.value:
+            # A key that is a list, or a mapping, is refused as one that cannot be hashed.
+            if not isinstance(key, yaml.ScalarNode):
+                continue
             if key.value in seen:
                 got = f"it again in line {key.start_mark.line + 1}"
-                raise InputError("YAML", str(key.value), "every key once", got)
-            if isinstance(key, yaml.ScalarNode):
-                seen.add(key.value)
+                raise InputError("YAML", key.value, "every key once", got)
+            seen.add(key.value)
         return super().construct_mapping(node, deep)
 
 
