@@ -141,20 +141,35 @@ def _numeric(model: mujoco.MjModel, name: str, n: int) -> Array:
 
 
 def _torque_limits(model: mujoco.MjModel) -> Array:
-    """Symmetric torque limit a joint, (n,): the joint's own range, else its motor's."""
+    """Symmetric torque limit a joint, (n,) N·m: the joint's own, its actuators' and its motors' controls'."""
     torque = np.full(model.njnt, np.inf)
     for joint in range(model.njnt):
         if model.jnt_actfrclimited[joint]:
             torque[joint] = np.abs(model.jnt_actfrcrange[joint]).min()
-    for actuator in range(model.nu):
+    for actuator in range(model.nactuator):
         if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT:
             continue
         joint = int(model.actuator_trnid[actuator, 0])
         gear = abs(float(model.actuator_gear[actuator, 0]))
-        for limited, bounds in (
-            (model.actuator_forcelimited, model.actuator_forcerange),
-            (model.actuator_ctrllimited, model.actuator_ctrlrange),
-        ):
-            if limited[actuator]:
-                torque[joint] = min(torque[joint], gear * float(np.abs(bounds[actuator]).min()))
+        if model.actuator_forcelimited[actuator]:
+            torque[joint] = min(torque[joint], gear * _least(model.actuator_forcerange[actuator]))
+        control = int(model.actuator_ctrladr[actuator])
+        if _is_motor(model, actuator) and model.actuator_ctrllimited[control]:
+            gain = abs(float(model.actuator_gainprm[actuator, 0]))
+            torque[joint] = min(torque[joint], gear * gain * _least(model.actuator_ctrlrange[control]))
     return torque
+
+
+def _is_motor(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether an actuator's control is a torque: that of a servo is where to go, or how fast."""
+    return (
+        model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+        and model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
+        and model.actuator_ctrlnum[actuator] == 1
+    )
+
+
+def _least(bounds: Array) -> float:
+    """The bound (2,) that is nearer to zero, by its size."""
+    return float(np.abs(bounds).min())
