@@ -11,7 +11,7 @@ from .candidates import Candidate
 from .evidence import Design, Fit
 from .healthy import SPRINGS, is_plausible
 from .likelihood import Weighed
-from .unclaimed import NOTHING, Unclaimed
+from .unclaimed import NOTHING, Unclaimed, share_left
 from .weighing import Stage
 
 # Cycles a revolution.
@@ -56,8 +56,7 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
     for joint in range(first.prepared.joints):
         laws = [a for a in accepted if a.named and a.candidate.family.joint == joint and _is_of_position(a)]
         if len({item.candidate.family.effect for item in laws}) > 1:
-            share = 1 - float(last.held_squares[joint] / max(float(first.held_squares[joint]), 1e-300))
-            found.append(Unclaimed(joint, "position", share))
+            found.append(Unclaimed(joint, "position", 1 - float(share_left(first, last)[joint])))
     return tuple(found)
 
 
@@ -68,7 +67,7 @@ def resonances(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
     """
     elastic = [a.candidate for a in accepted if a.named and a.candidate.family.effect == ELASTIC]
     joints = [each.family.joint for each in elastic if each.family.joint is not None]
-    left = [float(last.held_squares[j] / max(float(first.held_squares[j]), 1e-300)) for j in joints]
+    left = share_left(first, last)[joints].tolist()
     if len(joints) < 2 or max(left) < ELASTIC_LEFT:
         return ()
     return tuple(Unclaimed(j, RESONANCE, 1 - share) for j, share in zip(joints, left, strict=True))

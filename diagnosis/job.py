@@ -10,7 +10,7 @@ from testbench.excitation_file import write_excitation
 from testbench.files import require_writable
 from testbench.progress import steps
 from testbench.robot import load_robot
-from testbench.runs import read_runs, run_names
+from testbench.runs import by_path, read_runs, run_names
 
 from .diagnose import diagnose
 from .discrimination import NextExperiment, next_experiment
@@ -41,15 +41,13 @@ def diagnose_logs(
             raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())
     require_writable(out / DOCUMENT)
     robot = load_robot(model)
-    names = run_names(logs)
-    recordings = dict(zip(names, read_runs(logs, robot), strict=True))
+    recordings = dict(zip(run_names(logs), read_runs(logs, robot), strict=True))
     with steps() as progress:
         with progress.step("diagnose"):
             try:
                 diagnosis = diagnose(robot, recordings, without)
             except InputError as error:
-                files = dict(zip(names, map(str, logs), strict=True)) | {"logs": ", ".join(map(str, logs))}
-                raise error.located(files.get(error.source, error.source)) from None
+                raise by_path(error, logs) from None
         with progress.step("corrected simulator"):
             not_in_mjcf = write_corrected(diagnosis, out / "corrected.xml")
         # Most of both is outside the interpreter, and neither looks at the other.

@@ -19,6 +19,7 @@ from testbench.files import replacing, require_writable
 from testbench.log import Recording, read_log, write_log
 from testbench.lost_samples import lost_samples, mended
 from testbench.plausible_log import check_motion
+from testbench.runs import by_path
 from testbench.sampling import motion, on_grid
 from testbench.simulation import Reference
 from testbench.simulation.controller import feedforward
@@ -53,7 +54,7 @@ def predict(directory: Path, log: Path, out: Path) -> PredictedTorque:
     try:
         predicted = predict_torque(model, recording)
     except InputError as error:
-        raise error.located(log if error.source == "log" else error.source) from None
+        raise by_path(error, [log]) from None
     written = Recording(
         robot=recording.robot,
         joint_names=recording.joint_names,

@@ -129,9 +129,9 @@ class Search:
 
     def _alone(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
         """A little of one effect and of nothing else, which is not how robots are imperfect."""
-        if stage.hypothesis.accepted or not weighed:
+        if stage.hypothesis.accepted or not weighed or not self._is_seen(stage, weighed[0]):
             return None
-        chosen = choose(self.sized, stage, weighed, weighed) if self._is_seen(stage, weighed[0]) else None
+        chosen = choose(self.sized, stage, weighed, weighed)
         if chosen is None or not self._is_seen(stage, chosen[0]):
             return None
         best, rivals, trial = chosen

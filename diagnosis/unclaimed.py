@@ -143,10 +143,15 @@ def _of_timing(last: Stage) -> Iterator[Unclaimed]:
     yield Unclaimed(joint, TIMING, float(share[joint]))
 
 
+def share_left(first: Stage, last: Stage) -> Array:
+    """The part of the held-out squared residual of the first stage that the last one leaves, (n,)."""
+    return last.held_squares / np.maximum(first.held_squares, 1e-300)
+
+
 def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     """What is too much to be nothing, and follows nothing."""
     relative, noise = _relative(last), _rms(last) / noise_rms(last.prepared)
-    left = last.held_squares / np.maximum(first.held_squares, 1e-300)
+    left = share_left(first, last)
     unfit = (relative > MISFIT_TORQUE) & (left > MISFIT_LEFT)
     stands_out = (relative > STANDING_OUT_TORQUE) & (relative > STANDING_OUT * np.median(relative))
     sprung = {each.family.joint for each in last.hypothesis.accepted if each.family.effect in SPRINGS}

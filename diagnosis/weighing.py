@@ -133,18 +133,23 @@ class Stage:
         ]
         self.parts = np.einsum("j,fjab->fab", self.weights, self.xx)
         self.precision = np.diag(scaled_precision(hypothesis, fitted.prior_scale))
-        total = self.parts.sum(axis=0) + self.precision
+        self.total = self.parts.sum(axis=0) + self.precision
+        folds_falls = [
+            sum(w * x.T @ left for w, x, left in zip(self.weights, *both, strict=True))
+            for both in zip(self.x, self.residual, strict=True)
+        ]
+        # Half of how fast the objective falls with each unknown: zero but for what is at a bound.
+        self.falls = sum(folds_falls, -self.precision @ fitted.values)
         # What is at a bound moves with no candidate.
-        self.whole = Inverse(total, at_bounds(fitted.values, fitted.bounds))
-        held_back = np.where(self.whole.fixed, self._slope(), 0.0)
+        self.whole = Inverse(self.total, at_bounds(fitted.values, fitted.bounds))
+        held_back = np.where(self.whole.fixed, self.falls, 0.0)
         self.apart, self.shift = [], []
-        for f, part in enumerate(self.parts):
-            apart = Inverse(total - part, at_bounds(fitted.apart[f], fitted.bounds))
-            moved = np.where(apart.fixed, fitted.apart[f] - fitted.values, 0.0)
+        for part, own, values in zip(self.parts, folds_falls, fitted.apart, strict=True):
+            apart = Inverse(self.total - part, at_bounds(values, fitted.bounds))
+            moved = np.where(apart.fixed, values - fitted.values, 0.0)
             # At the minimum over all folds, the other folds' gradient is minus this fold's own.
-            own = sum(self.weights[j] * x.T @ self.residual[f][j] for j, x in enumerate(self.x[f]))
             self.apart.append(apart)
-            self.shift.append(moved + apart.times(held_back - own - (total - part) @ moved))
+            self.shift.append(moved + apart.times(held_back - own - (self.total - part) @ moved))
         self.held_squares: Array = np.sum([[np.sum(part**2) for part in fold] for fold in self.held], axis=0)
         self.counts, self.independent = hypothesis.counts, hypothesis.independent
         self._weighed: WeakKeyDictionary[Bank, list[Gain | None]] = WeakKeyDictionary()
@@ -206,8 +211,8 @@ class Stage:
         if not np.any(np.diag(own) > 0):
             return None
         cross, member, values = sums.cross.sum(axis=0), candidate.member, self.fitted.values
-        matrix = np.block([[self.parts.sum(axis=0) + self.precision, cross.T], [cross, own]])
-        right = np.concatenate([self._slope(), sums.right.sum(axis=0)])
+        matrix = np.block([[self.total, cross.T], [cross, own]])
+        right = np.concatenate([self.falls, sums.right.sum(axis=0)])
         lower, upper = (bound - values for bound in self.fitted.bounds)
         lower, upper = np.concatenate([lower, member.lower]), np.concatenate([upper, member.upper])
         moved = solve(matrix, right, lower, upper)
@@ -278,13 +283,6 @@ class Stage:
                 information=information,
             )
         return found
-
-    def _slope(self) -> Array:
-        """Half of how fast the objective falls with each unknown, (p,): zero but for what is at a bound."""
-        falls = -self.precision @ self.fitted.values
-        for x, left in zip(self.x, self.residual, strict=True):
-            falls += sum(w * each.T @ r for w, each, r in zip(self.weights, x, left, strict=True))
-        return falls
 
     def _sums(self, bank: Bank) -> "_Sums":
         folds, n = range(len(self.residual)), self.prepared.joints

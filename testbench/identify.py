@@ -17,7 +17,7 @@ from .model_file import write_model
 from .report import write_report
 from .results import IdentificationResult
 from .robot import Robot, load_robot
-from .runs import read_runs, run_names
+from .runs import by_path, read_runs, run_names
 from .sampling import motion
 from .summary import print_summary
 
@@ -39,23 +39,19 @@ def identify_logs(
     if identified_model is not None:
         require_writable(identified_model, model, *paths)
     robot = load_robot(model)
-    runs = dict(zip(paths, read_runs(paths, robot), strict=True))
-    for path, recording in runs.items():
+    runs = read_runs(paths, robot)
+    for path, recording in zip(paths, runs, strict=True):
         _require_long_enough(path, recording, options)
     try:
         result = identify_recordings(
             robot,
-            {name: runs[path] for name, path in zip(run_names(logs), logs, strict=True)},
-            {
-                name: runs[path]
-                for name, path in zip(run_names(validation_logs), validation_logs, strict=True)
-            },
+            dict(zip(run_names(logs), runs[: len(logs)], strict=True)),
+            dict(zip(run_names(validation_logs), runs[len(logs) :], strict=True)),
             options,
         )
     except InputError as error:
         # What simulates the runs, or stacks them, does not know their files.
-        unnamed = error.source in ("log", "logs")
-        raise error.located(", ".join(map(str, logs))) if unnamed else error from None
+        raise by_path(error, logs) from None
     write_estimate(result, out / "estimate.json")
     write_report(result, out / "report.html")
     if identified_model is not None:

@@ -145,7 +145,7 @@ def _torque_limits(model: mujoco.MjModel) -> Array:
     torque = np.full(model.njnt, np.inf)
     for joint in range(model.njnt):
         if model.jnt_actfrclimited[joint]:
-            torque[joint] = np.abs(model.jnt_actfrcrange[joint]).min()
+            torque[joint] = _least(model.jnt_actfrcrange[joint])
     for actuator in range(model.nactuator):
         if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT:
             continue

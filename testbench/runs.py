@@ -39,6 +39,13 @@ def run_names(paths: Sequence[Path]) -> list[str]:
     return [stem if stems.count(stem) == 1 else str(path) for stem, path in zip(stems, paths, strict=True)]
 
 
+def by_path(error: InputError, paths: Sequence[Path]) -> InputError:
+    """The error of a job on these logs, named by their paths where it names a run, or the runs."""
+    files = dict(zip(run_names(paths), map(str, paths), strict=True))
+    files |= dict.fromkeys(("log", "logs"), ", ".join(map(str, paths)))
+    return error.located(files.get(error.source, error.source))
+
+
 def _is_same(one: Recording, other: Recording) -> bool:
     return (
         np.array_equal(one.time, other.time)
