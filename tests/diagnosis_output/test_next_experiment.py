@@ -1,0 +1,87 @@
+"""The next experiment, and what it says of itself."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from diagnosis.discrimination import next_experiment
+from diagnosis.experiments import why
+from diagnosis.findings import Diagnosis
+from testbench.excitation_file import read_trajectory, write_excitation
+from testbench.log import Recording
+from testbench.robot import Robot
+
+from ..diagnosed import diagnosed
+
+
+def test_next_experiment_parts_the_rivals_further_and_can_be_simulated(
+    answer: Diagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("diagnosis.discrimination.KINDS", ((0.2, 5), (0.2, 12)))
+    monkeypatch.setattr("diagnosis.discrimination.IMPROVEMENTS", 6)
+    found = next_experiment(answer, seed=1)
+    assert found is not None
+    assert found.excitation is not None
+    assert "small reversals" in found.why
+    assert set(found.separates) == {"stribeck_friction", "presliding_hysteresis"}
+    assert found.excitation.margins.kept
+    # A design for these rivals on runs as long as those at hand, which were drawn for nothing.
+    assert found.separation > 0.5 * found.separation_now
+    write_excitation(found.excitation, tmp_path / "next.json")
+    names, motion = read_trajectory(tmp_path / "next.json")
+    assert (names, motion.duration) == (("turn", "lift", "reach"), 5.0)
+    again = next_experiment(answer, seed=1)
+    assert again is not None
+    assert again.separation == found.separation
+
+
+def test_gain_error_asks_for_a_load_not_for_a_motion(
+    robot: Robot, runs: dict[str, Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("diagnosis.discrimination.KINDS", ((0.2, 5),))
+    monkeypatch.setattr("diagnosis.discrimination.IMPROVEMENTS", 2)
+    nothing = diagnosed(robot, {"run_1": runs["run_1"]}, [], hidden=(("payload", None),))
+    found = next_experiment(nothing)
+    assert found is not None
+    assert "known payload on and off" in found.why
+    assert found.file is None
+
+
+def test_what_no_motion_shows_does_not_keep_others_from_being_shown(
+    robot: Robot, runs: dict[str, Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("diagnosis.discrimination.KINDS", ((0.2, 12),))
+    monkeypatch.setattr("diagnosis.discrimination.IMPROVEMENTS", 2)
+    monkeypatch.setattr("diagnosis.discrimination.BETTER", 0.0)
+    hidden = (("payload", None), ("stribeck_friction", 0))
+    found = next_experiment(diagnosed(robot, {"run_1": runs["run_1"]}, [], hidden=hidden))
+    assert found is not None
+    assert found.excitation is not None
+    assert found.separates == ("none", "stribeck_friction")
+    assert "The proposed motion shows stribeck friction" in found.why
+    assert "Left: payload: record the same motion with a known payload on and off" in found.why
+
+
+def test_a_motion_of_another_length_than_the_logs_is_judged(
+    robot: Robot, runs: dict[str, Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("diagnosis.discrimination.KINDS", ((0.4, 5),))
+    monkeypatch.setattr("diagnosis.discrimination.IMPROVEMENTS", 2)
+    found = next_experiment(
+        diagnosed(robot, {"run_1": runs["run_1"]}, [], hidden=(("transmission_ripple", 0),))
+    )
+    assert found is not None
+    assert "ripple" in found.why
+
+
+def test_a_motion_that_settles_one_answer_only_says_which() -> None:
+    both = ("cable_spring", "gravity_spring")
+    assert why(both, both, 12.0, "").endswith("The proposed motion parts them by 12 times the noise.")
+    assert why(both, both[:1], 12.0, "").endswith("by 12 times the noise if it is cable spring.")
+    assert "by only 2 times the noise" in why(both, both, 2.0, "")
+
+
+def test_nothing_open_asks_for_nothing(robot: Robot, answer: Diagnosis) -> None:
+    settled = replace(answer, effects=tuple(replace(each, confusable_with=()) for each in answer.effects))
+    assert next_experiment(settled) is None

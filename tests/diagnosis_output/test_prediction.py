@@ -1,0 +1,87 @@
+"""Torque predicted along other logs by the corrected model."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from diagnosis.correction import Term, corrected_model
+from diagnosis.findings import Diagnosis
+from diagnosis.predict import logged_motion, predict, predict_torque, term_torque
+from identification.filtering import zero_phase_lowpass
+from testbench.effects import effects
+from testbench.effects.base import Scope
+from testbench.log import Recording, read_log
+
+from .arm import LIFT
+
+
+def test_prediction_closes_the_gap_of_a_run_never_diagnosed(
+    folder: Path, runs: dict[str, Recording], answer: Diagnosis
+) -> None:
+    predict(folder, folder / "unseen.h5", folder / "predicted.h5")
+    unseen = runs["run_3"]
+    moving = np.abs(np.gradient(unseen.position[:, LIFT], 1e-3)) > 0.05
+
+    def error(torque: np.ndarray) -> float:
+        smooth = zero_phase_lowpass((torque - unseen.torque)[:, [LIFT]], 1000.0, 20.0)
+        return float(np.sqrt(np.mean(smooth[moving] ** 2)))
+
+    with h5py.File(folder / "predicted.h5") as file:
+        assert list(file["joint/torque"].attrs["unit"]) == ["N·m", "N·m", "N"]
+        nominal, parameters, corrected = (
+            error(np.array(file[f"{stage}/torque"])) for stage in ("nominal", "parameters", "joint")
+        )
+        np.testing.assert_array_equal(file["time"], unseen.time)
+    assert corrected < 0.5 * min(nominal, parameters)
+    np.testing.assert_array_equal(
+        read_log(folder / "predicted.h5").torque, predict_torque(corrected_model(answer), unseen).corrected
+    )
+
+
+def test_prediction_never_reads_the_logs_torque(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    predict(folder, folder / "unseen.h5", tmp_path / "one.h5")
+    with h5py.File(folder / "unseen.h5") as source, h5py.File(tmp_path / "scrambled.h5", "w") as target:
+        for key, value in source.attrs.items():
+            target.attrs[key] = value
+        for key in source:
+            source.copy(key, target)
+        rng = np.random.default_rng(0)
+        for name in ("joint/torque", "joint/torque_command"):
+            target[name][...] = 100 * rng.standard_normal(target[name].shape)
+    predict(folder, tmp_path / "scrambled.h5", tmp_path / "two.h5")
+    with h5py.File(tmp_path / "scrambled.h5", "a") as target:
+        del target["joint/torque"]
+    predict(folder, tmp_path / "scrambled.h5", tmp_path / "three.h5")
+    for name in ("joint/torque", "nominal/torque", "parameters/torque"):
+        with h5py.File(tmp_path / "one.h5") as one:
+            for other in ("two.h5", "three.h5"):
+                with h5py.File(tmp_path / other) as found:
+                    np.testing.assert_array_equal(one[name], found[name])
+    said = capsys.readouterr().out.splitlines()
+    assert len(said) == 3
+    assert said[0].startswith(f"{tmp_path / 'one.h5'}: predicted torque of 3 joints at ")
+
+
+@pytest.mark.parametrize("name", effects())
+def test_every_effect_of_the_catalogue_can_be_predicted(
+    answer: Diagnosis, runs: dict[str, Recording], name: str
+) -> None:
+    # Gravity keeps the second joint's load from changing its sign, so backlash would not show there.
+    joint: int | None = 0 if name == "backlash" else LIFT
+    scope = effects()[name].DESCRIPTION.scope
+    joint, into = (None, None) if scope is Scope.ROBOT else (joint, 2 if scope is Scope.PAIR else None)
+    run = runs["run_3"]
+    logged = logged_motion(corrected_model(answer), run)
+    members = effects()[name].signature([logged], joint, into).members
+    # A contact shows in no torque of the model; where it recurs, its shape says when.
+    assert bool(members) == (name != "external_contact")
+    shape = dict(members[0].shape) if members else {"kind": 2.0, "stretch": 1.0, "first": 0.5, "last": 1.0}
+    size = members[0].count if members else 2
+    torque = term_torque(Term(name, joint, into, shape, np.ones(size)), logged)
+    assert torque.shape == run.position.shape
+    assert np.isfinite(torque).all()
+    assert np.any(torque != 0)
