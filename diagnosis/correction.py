@@ -16,7 +16,7 @@ from .findings import Diagnosis
 
 Array = NDArray[np.float64]
 
-ARRAYS = ("rotation", "translation", "gravity")
+ARRAYS = ("rotation", "translation", "gravity", "springs")
 LIMITS = ("lower", "upper", "velocity", "acceleration", "torque")
 
 

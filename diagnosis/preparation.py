@@ -16,6 +16,7 @@ from identification.models import POSITION_BAND, Preprocessing
 from identification.parameters import PER_JOINT
 from identification.regressor import regressor
 from identification.signals import Motion
+from identification.springs import spring_torque
 from testbench.effects.logged import Logged, body_in_link
 from testbench.log import CHANNELS, Recording
 from testbench.lost_samples import lost_samples, mended
@@ -278,7 +279,7 @@ def _run(robot: Robot, log: _Log, bands: Array, thinning: int) -> Run:
         q=signals.q[kept],
         dq=signals.dq[kept],
         ddq=signals.ddq[kept],
-        torque=filtered(filters, signals.tau),
+        torque=filtered(filters, signals.tau - spring_torque(robot.chain.springs, signals.q)),
         rows=base,
         used=np.ones((len(kept), robot.joints), bool),
         smear=2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1,

@@ -5,7 +5,7 @@ body frame already does so (as in a modified Denavit-Hartenberg model) the link 
 frame. Bodies without a joint are welded to the link that carries them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,12 @@ from .errors import InputError
 from .parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT, VISCOUS, inertial_parameters
 
 Array = NDArray[np.float64]
+# is_slide, rotation, translation, gravity, springs.
+ChainArrays = tuple[NDArray[np.bool_], Array, Array, Array, Array]
 
 HINGE, SLIDE = 3, 2
-# mjtDisableBit.mjDSBL_GRAVITY
-GRAVITY_DISABLED = 1 << 7
+# mjtDisableBit.mjDSBL_SPRING and mjDSBL_GRAVITY
+SPRINGS_DISABLED, GRAVITY_DISABLED = 1 << 5, 1 << 7
 JOINT_TYPES = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 
 
@@ -31,6 +33,7 @@ class Chain:
     rotation: (n, 3, 3), link frame in its parent's at q = 0; columns are the link's axes.
     translation: (n, 3) m, link origin in its parent's frame at q = 0.
     gravity: (3,) m/s², in the base (world) frame.
+    springs: (n, 4), see springs.py.
     """
 
     joint_names: tuple[str, ...]
@@ -38,11 +41,21 @@ class Chain:
     rotation: Array
     translation: Array
     gravity: Array
+    springs: Array
 
     @property
     def joints(self) -> int:
         """Number of joints, n."""
         return len(self.joint_names)
+
+    @property
+    def arrays(self) -> ChainArrays:
+        """The fields as compiled code takes them."""
+        return self.is_slide, self.rotation, self.translation, self.gravity, self.springs
+
+    def without_springs(self) -> "Chain":
+        """The same bodies and gravity alone."""
+        return replace(self, springs=np.zeros_like(self.springs))
 
 
 @dataclass(frozen=True)
@@ -91,6 +104,7 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
         rotation=rotations,
         translation=translations,
         gravity=gravity(model),
+        springs=_springs(model),
     )
     return chain, parameters.ravel()
 
@@ -98,6 +112,14 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
 def gravity(model: Any) -> Array:
     """Gravity (3,) m/s² of a compiled ``mujoco.MjModel``, in the world frame; zero where disabled."""
     return np.zeros(3) if model.opt.disableflags & GRAVITY_DISABLED else np.array(model.opt.gravity)
+
+
+def _springs(model: Any) -> Array:
+    """The joints' springs (n, 4) as springs.py has them; zero where disabled."""
+    springs = np.column_stack([model.jnt_stiffness, model.jnt_stiffnesspoly, model.qpos_spring])
+    if model.opt.disableflags & SPRINGS_DISABLED:
+        return np.zeros_like(springs)
+    return np.where(np.any(springs[:, :3], axis=1, keepdims=True), springs, 0.0)
 
 
 def _require_serial_arm(model: Any) -> None:

@@ -3,12 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from .chain import ChainArrays
 from .inverse_dynamics import _inverse_dynamics
 from .kinematics import kernel
 
 Array = NDArray[np.float64]
-# is_slide, rotation, translation, gravity.
-ChainArrays = tuple[NDArray[np.bool_], Array, Array, Array]
 # The chain, the table of standard parameters, Coulomb friction, dead zones.
 RobotArrays = tuple[ChainArrays, Array, Array, Array]
 # Scratch for positions, velocities, accelerations.
@@ -27,7 +26,7 @@ def accelerate(
     out: Array,
 ) -> bool:
     """Forward dynamics: ddq (n,) into ``out``, the mass matrix's Cholesky factor into ``mass``."""
-    (is_slide, rotation, translation, gravity), table, coulomb, dead_zone = robot
+    (is_slide, rotation, translation, gravity, springs), table, coulomb, dead_zone = robot
     n = q.size
     positions, velocities, accelerations = work
     for r in range(n + 1):
@@ -35,7 +34,7 @@ def accelerate(
             positions[r, j], velocities[r, j] = q[j], dq[j]
             accelerations[r, j] = 1.0 if r == j else 0.0
     _inverse_dynamics(
-        is_slide, rotation, translation, gravity, table, 0.0,
+        is_slide, rotation, translation, gravity, springs, table, 0.0,
         positions[: n + 1], velocities[: n + 1], accelerations[: n + 1], torques[: n + 1],
     )  # fmt: skip
     for i in range(n):

@@ -1,8 +1,8 @@
 """Batched inverse dynamics by the recursive Newton-Euler algorithm.
 
 Luh, Walker & Paul (1980), in link frames and about link origins, so that the wrench is linear in
-the standard parameters (Khalil & Dombre 2004, ch. 9). It gives regressor @ parameters without
-forming the regressor.
+the standard parameters (Khalil & Dombre 2004, ch. 9). It gives regressor @ parameters, and what the
+joints' springs need, without forming the regressor.
 """
 
 import numpy as np
@@ -12,6 +12,7 @@ from .chain import Chain
 from .kinematics import cross, into_link, into_parent, kernel, link_rotation, origin_acceleration
 from .parameters import PER_JOINT
 from .regressor import coulomb_sign, in_blocks
+from .springs import pull
 
 Array = NDArray[np.float64]
 
@@ -34,7 +35,7 @@ def inverse_dynamics(
     q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
     out = np.empty(q.shape)
     table = np.ascontiguousarray(parameters, dtype=np.float64).reshape(chain.joints, PER_JOINT)
-    arguments = (chain.is_slide, chain.rotation, chain.translation, chain.gravity, table, coulomb_velocity)
+    arguments = (*chain.arrays, table, coulomb_velocity)
 
     def fill(start: int, stop: int) -> None:
         part = slice(start, stop)
@@ -61,6 +62,7 @@ def _inverse_dynamics(
     rotation: Array,
     translation: Array,
     gravity: Array,
+    springs: Array,
     table: Array,
     coulomb_velocity: float,
     q: Array,
@@ -117,6 +119,7 @@ def _inverse_dynamics(
             v = dq[t, j]
             torque = fz if is_slide[j] else nz
             torque += table[j, 10] * ddq[t, j] + table[j, 11] * v
+            torque += pull(springs[j, 0], springs[j, 1], springs[j, 2], q[t, j] - springs[j, 3])
             out[t, j] = torque + table[j, 12] * coulomb_sign(v, coulomb_velocity) + table[j, 13]
             if j > 0:
                 fx, fy, fz = into_parent(rotations[j], fx, fy, fz)

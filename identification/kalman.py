@@ -12,15 +12,8 @@ linear inside the dead zone, where the sign of the velocity is unknown and a joi
 import numpy as np
 from numpy.typing import NDArray
 
-from .forward_dynamics import (
-    ChainArrays,
-    Motions,
-    RobotArrays,
-    accelerate,
-    friction_direction,
-    integrate,
-    invert,
-)
+from .chain import ChainArrays
+from .forward_dynamics import Motions, RobotArrays, accelerate, friction_direction, integrate, invert
 from .inverse_dynamics import _inverse_dynamics
 from .kinematics import kernel
 from .parameters import COULOMB, PER_JOINT
@@ -53,7 +46,7 @@ def extended_kalman_filter(
 ) -> bool:
     """Run over K samples; ``state`` and ``covariance`` become those after the last. True if all went well.
 
-    chain: (is_slide, rotation, translation, gravity). columns, slots: of the base regressor.
+    chain: its arrays. columns, slots: of the base regressor.
     position: (K, n). torque: (k (K - 1) + 1, n), k to each step between positions.
     acceleration: (K - 1, n) of the measured motion, in the middle of each step. The derivatives are taken
     there: along an acceleration that the noisy torque makes they would be correlated with its noise, and
@@ -159,7 +152,7 @@ def _slopes(
 
     The slope of friction inside the dead zone is left out: too steep for a step, and not to be relied on.
     """
-    (is_slide, rotation, translation, gravity), table, _, dead_zone = robot
+    (is_slide, rotation, translation, gravity, springs), table, _, dead_zone = robot
     n, b = acceleration.size, columns.size
     positions, velocities, accelerations = work
     for r in range(2 * n + 1):
@@ -169,8 +162,9 @@ def _slopes(
         positions[j, j] += DIFFERENCE
         velocities[n + j, j] += DIFFERENCE
     _inverse_dynamics(
-        is_slide, rotation, translation, gravity, table, 0.0, positions, velocities, accelerations, torques
-    )
+        is_slide, rotation, translation, gravity, springs, table, 0.0,
+        positions, velocities, accelerations, torques,
+    )  # fmt: skip
     _regressor(
         is_slide, rotation, translation, gravity, slots, 0.0,
         positions[2 * n :], velocities[2 * n :], accelerations[2 * n :], rows,

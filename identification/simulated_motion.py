@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from .closed_loop import SimulatedRun, standard_candidate
 from .errors import InputError
 from .inverse_dynamics import mass_matrices
-from .models import identification_models
+from .models import equations
 from .observations import Observations
 from .problem import Problem
 from .signals import Signals
@@ -54,7 +54,6 @@ def simulated_equations(problem: Problem, runs: Sequence[SimulatedRun]) -> tuple
     Both pass the filters of the inverse dynamic model. The rows used are the problem's own: by the
     simulated velocity they would change from pass to pass, and the estimate never settle.
     """
-    equations = identification_models()["inverse_dynamic"]
     out = []
     for run, motion, simulated in zip(problem.observations, problem.motions, runs, strict=True):
         trim = round(float(run.time[0]) * motion.sample_rate)

@@ -101,7 +101,7 @@ def _require_known_forces(model: mujoco.MjModel) -> None:
         got += f" and {len(found) - NAMED_FORCES} more"
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, EFFECTS_WRITTEN) >= 0:
         raise InputError("model", "forces", "the model that this corrected simulator was made from", got)
-    expected = "rigid bodies with armature, damping, frictionloss and gravity"
+    expected = "rigid bodies with joint springs, armature, damping, frictionloss and gravity"
     raise InputError("model", "forces", expected, f"{got}; take it out of the model, simulate has --effect")
 
 

@@ -13,9 +13,10 @@ COGGING, BRISTLES = 0, 5
 
 
 def unmodelled_forces(model: Any) -> tuple[str, ...]:
-    """What acts in a compiled ``mujoco.MjModel`` beside gravity, armature, linear damping and frictionloss.
+    """What acts in a compiled ``mujoco.MjModel`` and is not known.
 
-    A phrase for each, with its value and element, such as "stiffness 20 of joint j2". What is zero or
+    Known are gravity, elastic springs of joints, armature, linear damping and frictionloss. A phrase for
+    each of the others, with its value and element, such as "stiffness 20 of tendon t". What is zero or
     inactive is harmless, and so are contacts, joint limits, and actuators that their controls drive.
     """
     found = (_of_joints, _of_bodies, _of_tendons, _of_equalities, _of_actuators, _of_the_rest)
@@ -25,9 +26,8 @@ def unmodelled_forces(model: Any) -> tuple[str, ...]:
 def _of_joints(model: Any) -> Iterator[str]:
     for joint in range(model.njnt):
         name = model.joint(joint).name or f"joint_{joint + 1}"
-        stiffness = [model.jnt_stiffness[joint], *model.jnt_stiffnesspoly[joint]]
-        if np.any(stiffness):
-            yield f"stiffness {_text(stiffness)} of joint {name}"
+        if model.jnt_plasticadr[joint] >= 0:
+            yield f"springyield {_text(model.jnt_springyield[joint])} of joint {name}"
         damping = [model.dof_damping[joint], *model.dof_dampingpoly[joint]]
         if np.any(damping[1:]):
             yield f"damping {_text(damping)} of joint {name}"

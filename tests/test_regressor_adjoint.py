@@ -21,6 +21,7 @@ def random_chain(slides: str, seed: int) -> Chain:
         rotation=Rotation.random(len(slides), rng).as_matrix(),
         translation=rng.normal(size=(len(slides), 3)),
         gravity=np.array([0.4, -0.3, -9.8]),
+        springs=np.zeros((len(slides), 4)),
     )
 
 

@@ -30,8 +30,7 @@ def _actuator(element: str) -> str:
 DCMOTOR = 'dcmotor name="a" joint="elbow" resistance="1" motorconst=".1"'
 SPRING = '<general name="a" joint="elbow" gainprm="0" biastype="affine" biasprm="0 -5 0"/>'
 FORCES = {
-    "stiffness 20 of joint shoulder": _with(shoulder='stiffness="20" springref=".3"'),
-    "stiffness 0 0 7 of joint shoulder": _with(shoulder='stiffness="0 0 7"'),
+    "springyield 0.2 of joint shoulder": _with(shoulder='stiffness="20" springyield=".2"'),
     "damping 3 2 of joint shoulder": _with().replace('damping="3"', 'damping="3 2"'),
     "gravcomp 0.5 of body lower": _with(lower='gravcomp=".5"'),
     "stiffness 4 of tendon t": _with(_tendon('stiffness="4"')),
@@ -47,7 +46,8 @@ FORCES = {
     "bias 0 -5 of actuator a, which has no gain": _with(_actuator(SPRING)),
 }
 HARMLESS = {
-    "zero values": _with(_tendon(""), 'stiffness="0" springref=".3"'),
+    "zero values": _with(_tendon("")),
+    "springs that are known": _with(shoulder='stiffness="20 0 7" springref=".3"'),
     "an inactive equality": _with('<equality><weld body1="lower" active="false"/></equality>'),
     "wind in a vacuum": _with(option='<option wind="1 0 0"/>'),
     "compensated gravity where there is none": _with(
@@ -75,19 +75,20 @@ def test_what_exerts_no_force_is_let_pass(model):
 
 def test_a_model_with_such_a_force_is_refused_in_one_line(tmp_path):
     with pytest.raises(InputError) as refused:
-        small_arm(tmp_path, FORCES["stiffness 20 of joint shoulder"])
+        small_arm(tmp_path, FORCES["gravcomp 0.5 of body lower"])
     assert str(refused.value) == (
-        f"{tmp_path / 'arm.xml'}: forces: expected rigid bodies with armature, damping, frictionloss and "
-        "gravity, got stiffness 20 of joint shoulder; take it out of the model, simulate has --effect"
+        f"{tmp_path / 'arm.xml'}: forces: expected rigid bodies with joint springs, armature, damping, "
+        "frictionloss and gravity, got gravcomp 0.5 of body lower; take it out of the model, "
+        "simulate has --effect"
     )
 
 
 def test_a_simulator_with_effects_is_no_model(tmp_path):
     arm = small_arm(tmp_path)
-    cable = parse_injection(arm, "cable_spring:elbow:stiffness=2,rest=0.3")
-    write_effects(arm, [cable], tmp_path / "corrected.xml")
+    spring = parse_injection(arm, "gravity_spring:shoulder:stiffness=2,phase=0.3")
+    write_effects(arm, [spring], tmp_path / "corrected.xml")
     with pytest.raises(
-        InputError, match="the model that this corrected simulator was made from, got stiffness 2"
+        InputError, match="the model that this corrected simulator was made from, got cogging 2"
     ):
         load_robot(tmp_path / "corrected.xml")
 

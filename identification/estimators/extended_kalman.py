@@ -157,7 +157,6 @@ def _filtered(
     torque, as shares of their RMS.
     """
     n, chain, base = problem.chain.joints, problem.chain, problem.base
-    arrays = (chain.is_slide, chain.rotation, chain.translation, chain.gravity)
     slots, _ = column_slots(n, base.columns)
     constant = standard_candidate(base, problem.nominal, np.zeros(base.count))
     dead_zone = _dead_zone(problem)
@@ -174,7 +173,7 @@ def _filtered(
         noise = (of_position, np.where(run.resting, run.rms[1] ** 2, of_torque))
         timing = (run.stride, run.sample_time, substeps)
         went_well = extended_kalman_filter(
-            arrays, base.columns, slots, run.position, run.torque, run.acceleration, timing, dead_zone,
+            chain.arrays, base.columns, slots, run.position, run.torque, run.acceleration, timing, dead_zone,
             noise, scale, constant, state, covariance,
         )  # fmt: skip
         if not went_well or not np.all(np.isfinite(state)):

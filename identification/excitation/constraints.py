@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..chain import Chain
 from ..inverse_dynamics import inverse_dynamics
 from ..regressor_adjoint import regressor_adjoint
+from ..springs import spring_stiffness
 from .limits import Clearance, Limits
 
 Array = NDArray[np.float64]
@@ -93,6 +94,8 @@ class SmoothConstraints:
         motion = (q[samples], dq[samples], ddq[samples])
         bars = np.zeros((3, *q.shape))
         bars[:, samples] = regressor_adjoint(self.chain, *motion, seeds, columns, COULOMB_VELOCITY)
+        stiffness = spring_stiffness(self.chain.springs, q[samples])[:, joint]
+        bars[0, samples, joint] -= weights[samples] / self.limits.torque[joint] * stiffness
         return bars[0], bars[1], bars[2]
 
     def _clearance_value(self, distances: Array) -> tuple[float, Array]:

@@ -7,6 +7,7 @@ its name is the file's.
 import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from ..base_parameters import BaseParameters
 from ..chain import Chain
@@ -14,8 +15,9 @@ from ..differentiation import differentiate
 from ..errors import InputError
 from ..observations import POSITION_BAND, Observations, Preprocessing
 from ..signals import Motion, Signals
+from ..springs import spring_torque
 
-__all__ = ["POSITION_BAND", "Observations", "Preprocessing", "identification_models", "observe"]
+__all__ = ["POSITION_BAND", "Observations", "Preprocessing", "equations", "identification_models", "observe"]
 
 IdentificationModel = Callable[[Chain, BaseParameters, Signals, Preprocessing, str], Observations]
 
@@ -34,13 +36,25 @@ def observe(
     Raises InputError when the run is too short for the filters, its shape is not the chain's, or
     the identification model does not exist.
     """
+    if motion.position.shape[1] != chain.joints:
+        raise InputError(name, "joint/position", f"{chain.joints} joints", motion.position.shape[1])
+    settings = preprocessing.at(motion.sample_rate)
+    signals = differentiate(motion, settings.differentiation, POSITION_BAND * settings.cutoff)
+    return equations(chain, base, signals, settings, name)
+
+
+def equations(
+    chain: Chain, base: BaseParameters, signals: Signals, preprocessing: Preprocessing, name: str
+) -> Observations:
+    """The equations of a filtered run by the model that ``preprocessing`` names.
+
+    What the joints' springs need is known, and taken off the torque. Raises InputError for a model that
+    does not exist.
+    """
     models = identification_models()
     if preprocessing.model not in models:
         raise InputError(
             "identification", "model", "an identification model", repr(preprocessing.model), sorted(models)
         )
-    if motion.position.shape[1] != chain.joints:
-        raise InputError(name, "joint/position", f"{chain.joints} joints", motion.position.shape[1])
-    settings = preprocessing.at(motion.sample_rate)
-    signals = differentiate(motion, settings.differentiation, POSITION_BAND * settings.cutoff)
-    return models[settings.model](chain, base, signals, settings, name)
+    unsprung = replace(signals, tau=signals.tau - spring_torque(chain.springs, signals.q))
+    return models[preprocessing.model](chain, base, unsprung, preprocessing, name)

@@ -75,7 +75,7 @@ class Logged:
 
     @cached_property
     def load(self) -> Array:
-        """Torque the gearboxes carry by the model: rigid body without rotors and friction, (N, n) N·m.
+        """Torque the gearboxes carry by the model: links and springs, no rotors and friction, (N, n) N·m.
 
         With what is known to act behind them.
         """
@@ -132,7 +132,7 @@ class Logged:
     def gravity_load(self) -> Array:
         """Gravity's share of ``load``, (N, n) N·m."""
         still = np.zeros_like(self.q)
-        return inverse_dynamics(self.chain, self._links, self.q, still, still)
+        return inverse_dynamics(self.chain.without_springs(), self._links, self.q, still, still)
 
     def load_change(self, joint: int, displacement: Array) -> Array:
         """First-order change of ``load``, (N, n) N·m, where link coordinate ``joint`` is q + displacement.
@@ -179,7 +179,7 @@ class Logged:
             return inverse_dynamics(self.chain, self._links, q, dq, ddq, threads=1)
 
         turn = ANGLE_STEP * unit
-        weightless = replace(self.chain, gravity=np.zeros(3))
+        weightless = replace(self.chain.without_springs(), gravity=np.zeros(3))
         still = np.zeros_like(q)
         return np.hstack(
             [

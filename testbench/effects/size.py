@@ -91,10 +91,11 @@ def _scales(key: _Key) -> dict[str, Array]:
     still = np.zeros_like(poses)
     links = table.copy()
     links[:, INERTIAL:] = 0.0
-    gravity = inverse_dynamics(robot.chain, links.ravel(), poses, still, still, threads=1)
+    chain = robot.chain.without_springs()
+    gravity = inverse_dynamics(chain, links.ravel(), poses, still, still, threads=1)
     inertia = np.empty((POSES, n))
     for joint, unit in enumerate(np.eye(n)):
-        moved = inverse_dynamics(robot.chain, links.ravel(), poses, still, still + unit, threads=1)
+        moved = inverse_dynamics(chain, links.ravel(), poses, still, still + unit, threads=1)
         inertia[:, joint] = (moved - gravity)[:, joint]
     speed = np.array([speed_limit(limits, joint) for joint in range(n)])
     working = WORKING_SPEED * speed
