@@ -9,7 +9,7 @@ from testbench.robot import Robot
 
 from .candidates import Candidate
 from .evidence import Design, Fit
-from .healthy import SPRINGS, is_plausible
+from .healthy import ELASTIC, SPRINGS, is_plausible
 from .likelihood import Weighed
 from .unclaimed import NOTHING, Unclaimed, share_left
 from .weighing import Stage
@@ -18,7 +18,7 @@ from .weighing import Stage
 SLOWEST_RIPPLE = 10.0
 # Squared residual that is left where a joint's own elasticity is all that gives way, as a share of what
 # re-identification leaves.
-ELASTIC, ELASTIC_LEFT = "joint_elasticity", 0.16
+ELASTIC_LEFT = 0.16
 RESONANCE = "resonance with other joints"
 
 

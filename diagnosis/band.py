@@ -6,6 +6,7 @@ seem to take it away again.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,16 @@ ORDER, QUIET, SEGMENT, FEWEST = 4, (0.25, 0.45), 256, 40
 POSES = 40
 
 
-def joint_bands(robot: Robot, motions: Sequence[Motion], widest: float) -> Array:
-    """Cut-offs (n,) Hz, at most ``widest``, below which encoders leave each joint's torque known to NOISE.
+@dataclass(frozen=True)
+class Bands:
+    """Each joint's cut-off, (n,) Hz, and the RMS torque, (n,) N·m, that encoders seem to add below it."""
+
+    cutoff: Array
+    encoder_torque: Array
+
+
+def joint_bands(robot: Robot, motions: Sequence[Motion], widest: float) -> Bands:
+    """Cut-offs, at most ``widest`` Hz, below which encoders leave each joint's torque known to NOISE.
 
     White position noise of density S through an inertia matrix M has a torque's mean square of
     (2 pi)^4 f^5 / 5 sum_k M_jk^2 S_k below f.
@@ -39,8 +48,9 @@ def joint_bands(robot: Robot, motions: Sequence[Motion], widest: float) -> Array
     matrices = mass_matrices(robot.chain, robot.parameters, poses, threads=1)
     squared = np.mean(matrices**2, axis=0) @ density
     torque = np.sqrt(np.mean(np.concatenate([each.torque for each in motions]) ** 2, axis=0))
-    allowed = 5 * (NOISE * torque) ** 2 / ((2 * np.pi) ** 4 * np.maximum(squared, 1e-300))
-    return np.clip(allowed**0.2, min(LOWEST, widest), widest)
+    fifth = (2 * np.pi) ** 4 / 5 * np.maximum(squared, 1e-300)
+    cutoff = np.clip(((NOISE * torque) ** 2 / fifth) ** 0.2, min(LOWEST, widest), widest)
+    return Bands(cutoff, np.sqrt(fifth * cutoff**5))
 
 
 def position_noise(motion: Motion) -> Array:

@@ -1,6 +1,7 @@
 """The whole diagnosis of a robot's logs: where, which, how far."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from .evidence import Design, Fit, on_whole_runs, standard_values
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
 from .intervals import rms_interval
 from .localisation import where
+from .naming import names_that_hold
 from .noise import noise_rms
 from .preparation import Prepared, prepare
 from .recurrence import recurrence
@@ -46,6 +48,8 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         for each, fitted in (found.parameters_only, (found.hypothesis, found.fitted))
     )
     gap = _gap(prepared, only, final)
+    accepted, unmet = names_that_hold(found.accepted, gap, _rms(final[1].residual, final[0]))
+    found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet))
     named = [index for index, item in enumerate(found.accepted) if item.named]
     named.sort(key=lambda index: -found.accepted[index].score)
     effects = tuple(_named(found, index) for index in named)
@@ -118,12 +122,14 @@ def _verdict(found: Attribution, gap: Gap) -> str:
 def _closes_more(found: Attribution) -> bool:
     """Whether some effect that is named explains more than what no effect does, each joint by its torque.
 
-    What follows nothing at all is told beside the effects, since no motion foretells it; but where most
+    What follows nothing at all is told beside the effects, since no motion foretells it; but where half the
     joints have it, what is named is a trace of it. A push leaves it where it acted otherwise than was fitted.
     """
     named = [item for item in found.accepted if item.named]
     nothing = {item.joint for item in found.unknown if item.regime == NOTHING}
-    if 2 * len(nothing) > found.prepared.joints and not any(item.candidate.is_event for item in named):
+    if len(nothing) >= max(0.5 * found.prepared.joints, 2) and not any(
+        item.candidate.is_event for item in named
+    ):
         return False
     before = _rms(found.parameters_only[1].held_out, found.parameters_only[0]) / _torque(found.prepared)
     misfits = [item.share * before[item.joint] ** 2 for item in found.unknown if item.regime != NOTHING]

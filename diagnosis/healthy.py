@@ -16,12 +16,13 @@ from .candidates import Candidate
 
 Array = NDArray[np.float64]
 
+ELASTIC, CABLE = "joint_elasticity", "cable_spring"
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
 HEALTHY: Mapping[str, float] = {
     # Springs that stiffen, and bristles that do not slip at first, are fitted two to three times too stiff.
-    "joint_elasticity": 0.35,
+    ELASTIC: 0.35,
     "presliding_hysteresis": 0.3,
     "asymmetric_friction": 2.0,
     "stribeck_friction": 1.0,
@@ -34,6 +35,8 @@ HEALTHY: Mapping[str, float] = {
     "encoder_offset": 15.0,
     # Torque constants are known to a few per cent.
     "torque_gain_error": 1.6,
+    # Every arm has a dress pack, and it pulls.
+    CABLE: 1.2,
     # A limit that clips is one, however far from the drive's rating.
     "torque_saturation": 0.0,
     # So is a push, however weak.
@@ -44,14 +47,13 @@ HEALTHY_ELSE = 0.8
 LAG, OF_SAMPLE = "actuator_lag", 0.4
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
 BRISTLES, SMALLEST_LEVEL = "presliding_hysteresis", 0.55
-CABLE = "cable_spring"
 # Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
 LARGEST: Mapping[str, float] = {
     # Where no slow sample counts, any Stribeck friction seems to leave a little.
     "stribeck_friction": 5.0,
     "asymmetric_friction": 5.0,
     "presliding_hysteresis": 3.0,
-    "joint_elasticity": 3.0,
+    ELASTIC: 3.0,
     "encoder_offset": 3.0,
     "encoder_eccentricity": 3.0,
     "torque_gain_error": 3.0,
@@ -77,6 +79,8 @@ WARMING, SHORTEST_WARMING = "thermal_friction_drift", 3.5
 # The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the viscous
 # torque by this share, if mildly.
 BENDING, BENT = "nonlinear_viscous_friction", 0.1
+# And so many times that is no oil's.
+MOST_BENT = 30.0
 # A kilogram is much on a small arm: there a mild payload is this share of the last link, or of the heaviest's
 # hundredth where the model has next to nothing last.
 PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.8, 0.01
@@ -89,7 +93,9 @@ SIZES: Mapping[str, tuple[str, ...]] = {
 
 
 def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array) -> bool:
-    """Whether friction grows with load or falls with warmth as no gear's does, and so is something else's."""
+    """Whether friction bends, grows with load or falls with warmth as no gear's does."""
+    if candidate.family.effect == BENDING:
+        return size(robot, np.zeros(robot.joints), candidate, coefficients) > MOST_BENT
     if candidate.family.effect == WARMING:
         return candidate.member.shape["time_constant"] < SHORTEST_WARMING
     if candidate.family.effect != OF_THE_LOAD:

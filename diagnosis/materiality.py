@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .evidence import DELAY, LATE
-from .healthy import BRISTLES, OF_THE_LOAD, SPRING, is_beyond_healthy
+from .healthy import BENDING, BRISTLES, ELASTIC, OF_THE_LOAD, SPRING, is_beyond_healthy
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
 from .weighing import Gain, Stage
 
@@ -54,7 +54,14 @@ SMALLEST_WALD = 25.0
 # little at every joint: the size tells, where so many standard deviations less of it are still beyond a
 # healthy robot's.
 SWALLOWED_FRICTION = (OF_THE_LOAD, "asymmetric_friction")
-TOLD_BY_SIZE = (*SWALLOWED_FRICTION, "nonlinear_viscous_friction", DELAY)
+# Play and a soft gearbox show in reversals and vibrations alone, which are a small part of a run: no less
+# certain, and this share of the joint's rest, where there is more torque.
+GEARBOX, GEARBOX_WALD, GEARBOX_SHARE = ("backlash", ELASTIC), 100.0, 0.05
+# An elasticity takes away torque that noise of the encoders seems to add: this multiple of that is more.
+OF_ENCODERS = 2.0
+# Friction that bends is swallowed as well, but every joint's bends a little: so many times a healthy one's.
+BENT_ENOUGH = 2.0
+TOLD_BY_SIZE = (*SWALLOWED_FRICTION, *GEARBOX, BENDING, DELAY)
 SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # What acts near rest, where samples do not count, shows little of itself: this share of the torque is
 # enough where it is most of what is left, and its size is certain. So does friction of a load that hardly
@@ -85,6 +92,8 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = Fa
     robot: that sizes are relative to. is_best: whether hardly any other gains as much.
     """
     gain, family = weighed.gain, weighed.candidate.family
+    if family.effect == ELASTIC and _is_of_encoders(stage, gain):
+        return False
     if _is_large(robot, stage, weighed) or _is_seen_beyond_rest(robot, stage, weighed):
         return True
     # What it explains at one joint may cost more at the others.
@@ -160,10 +169,17 @@ def _is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     if family.effect not in TOLD_BY_SIZE or weighed.score < SMALLEST_GAIN:
         return False
     own = list(gain.candidate.member.rows)
-    much = stage.torque_shares(gain)[own]
+    much, share = stage.torque_shares(gain)[own], stage.shares(gain)[own]
     seen = much > SMALLEST_TORQUE
-    if family.effect in SWALLOWED_FRICTION:
-        seen |= (much > LITTLE_TORQUE) & (stage.shares(gain)[own] > SMALLEST_SHARE)
+    if family.effect in GEARBOX:
+        if gain.wald < GEARBOX_WALD:
+            return False
+        seen &= share > GEARBOX_SHARE
+    little = (much > LITTLE_TORQUE) & (share > SMALLEST_SHARE)
+    if family.effect == BENDING and np.any(little) and _is_certainly_beyond(robot, stage, gain, BENT_ENOUGH):
+        return True
+    if family.effect in (*SWALLOWED_FRICTION, *GEARBOX):
+        seen |= little
     return bool(np.any(seen)) and _is_certainly_beyond(robot, stage, gain)
 
 
@@ -177,11 +193,17 @@ def _is_seen_beyond_rest(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     return bool(little and most) and _is_certainly_beyond(robot, stage, gain)
 
 
-def _is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain) -> bool:
-    """Whether it is known to a fifth, and three deviations less of it are still beyond a healthy robot's."""
+def _is_of_encoders(stage: Stage, gain: Gain) -> bool:
+    """Whether noise of its joint's encoders may seem as much torque as it takes off."""
+    joint = gain.candidate.family.joint
+    return bool(stage.removed(gain)[joint] < OF_ENCODERS * stage.prepared.encoder_torque[joint])
+
+
+def _is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain, times: float = 1.0) -> bool:
+    """Whether it is known to a fifth, and three deviations less are still so many times a healthy robot's."""
     if gain.wald < SMALLEST_WALD:
         return False
-    least = (1 - BEYOND / np.sqrt(gain.wald)) * gain.coefficients
+    least = (1 - BEYOND / np.sqrt(gain.wald)) * gain.coefficients / times
     return is_beyond_healthy(robot, stage.ground.torque_rms, gain.candidate, least)
 
 

@@ -14,12 +14,13 @@ from testbench.robot import Robot
 from .accepted import Accepted
 from .candidates import SATURATION
 from .evidence import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design, Fit, fitted_to, squares
+from .findings import Gap
 from .ground import Ground
 from .healthy import BRISTLES, SPRINGS, is_beyond_healthy, is_excessive
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import SMALLEST_SHARE, SMALLEST_WALD, is_main, is_obvious
 from .round import Found
-from .unclaimed import Unclaimed
+from .unclaimed import NOTHING, Unclaimed
 from .weighing import Stage
 
 Array = NDArray[np.float64]
@@ -42,6 +43,9 @@ BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.8
 NEARLY_ALL = 0.8
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
 DWARFED = 0.05
+# An effect that takes less than this share of its joint's gap off runs left out, where that gap and what all
+# runs together fit are so many times the noise, is not the robot's.
+EXPLAINED, FAR_FROM_NOISE = 0.2, 3.0
 
 
 def accepted_as(
@@ -211,3 +215,23 @@ def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> boo
     left = last.held_squares / np.maximum(last.counts, 1) / last.ground.torque_rms**2
     largest = float(np.max(left[misfit], initial=0.0))
     return item.candidate.family.joint in misfit or item.worth < DWARFED * largest
+
+
+def names_that_hold(
+    accepted: Sequence[Accepted], gap: Gap, fitted: Array
+) -> tuple[tuple[Accepted, ...], tuple[Unclaimed, ...]]:
+    """What was taken in, without the names that leave their joints' gap as it was; and those joints.
+
+    gap: on whole runs left out. fitted: (n,) N·m RMS that all runs fitted together leave. What only one run
+    tells may leave the gap of that run as it was, but not what all of them fit.
+    """
+    far = np.minimum(gap.parameters, fitted) > FAR_FROM_NOISE * gap.noise_floor
+    stays = gap.parameters - gap.effects < EXPLAINED * (gap.parameters - gap.noise_floor)
+    found, unmet = [], dict[int, Unclaimed]()
+    for item in accepted:
+        joint = item.candidate.family.joint
+        if item.named and joint is not None and not item.candidate.is_event and (far & stays)[joint]:
+            item = replace(item, named=False)
+            unmet[joint] = Unclaimed(joint, NOTHING, 1.0)
+        found.append(item)
+    return tuple(found), tuple(unmet.values())

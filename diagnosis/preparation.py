@@ -92,13 +92,14 @@ class Prepared:
     """All runs, and the folds that are left out in turn.
 
     folds: per fold, the run's index and the samples (into its M) that belong to it. band: (n,) of the widest
-    band, the share that each joint's filter leaves. thinning: one in so many is kept of the samples that hold
-    what was passed.
+    band, the share that each joint's filter leaves. encoder_torque: (n,) N·m RMS that encoders' noise
+    seems to add there. thinning: one in so many is kept of the samples that hold what was passed.
     """
 
     robot: Robot
     runs: tuple[Run, ...]
     band: Array
+    encoder_torque: Array
     folds: tuple[tuple[int, slice], ...]
     thinning: int
 
@@ -158,14 +159,14 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     logs = [_log(name, recording, fast) for name, recording in recordings.items()]
     widest = max(filter_cutoff(log.motion.sample_rate) for log in logs)
     bands = joint_bands(robot, [log.motion for log in logs], widest)
-    thinning = _thinning(robot, logs, float(bands.max()))
-    runs = tuple(_run(robot, log, bands, thinning) for log in logs)
+    thinning = _thinning(robot, logs, float(bands.cutoff.max()))
+    runs = tuple(_run(robot, log, bands.cutoff, thinning) for log in logs)
     if not any(run.used.any() for run in runs):
         expected = f"some joint faster than {DEAD_ZONE} rad/s (m/s): these logs cannot tell"
         raise InputError("logs", "joint/position", expected, "all at rest, or too short a move")
     each = -(-FEWEST_FOLDS // len(runs))
     folds = tuple((index, part) for index, run in enumerate(runs) for part in blocks(len(run.time), each))
-    return Prepared(robot, runs, bands / widest, folds, thinning)
+    return Prepared(robot, runs, bands.cutoff / widest, bands.encoder_torque, folds, thinning)
 
 
 def blocks(samples: int, count: int) -> list[slice]:

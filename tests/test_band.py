@@ -52,14 +52,14 @@ def test_a_run_of_a_few_samples_tells_nothing_of_noise(smooth: Motion) -> None:
 
 
 def test_without_noise_the_band_is_the_widest(robot: Robot, smooth: Motion) -> None:
-    np.testing.assert_array_equal(joint_bands(robot, [smooth], 20.0), 20.0)
+    np.testing.assert_array_equal(joint_bands(robot, [smooth], 20.0).cutoff, 20.0)
 
 
 def test_behind_its_band_a_joints_torque_is_as_noisy_as_allowed(robot: Robot, smooth: Motion) -> None:
     """The formula's band is ideal; the low-pass's skirts let up to a third more in."""
     deviation = 2e-4
     bands = joint_bands(robot, [noisy(smooth, deviation)], 60.0)
-    assert np.all((bands > 8.0) & (bands < 60.0))
+    assert np.all((bands.cutoff > 8.0) & (bands.cutoff < 60.0))
     # Second differences of the noise alone through the inertia at the poses of the motion.
     noise = noisy(smooth, deviation).position - smooth.position
     acceleration = np.gradient(np.gradient(noise, 1 / RATE, axis=0), 1 / RATE, axis=0)
@@ -68,10 +68,19 @@ def test_behind_its_band_a_joints_torque_is_as_noisy_as_allowed(robot: Robot, sm
         inverse_dynamics(robot.chain, robot.parameters, smooth.position, still, ddq)
         for ddq in (acceleration, still)
     )
-    for joint, low_pass in enumerate(decimating_filters(RATE, bands)):
+    for joint, low_pass in enumerate(decimating_filters(RATE, bands.cutoff)):
         left = np.sqrt(np.mean(low_pass((torque - rest)[:, joint]) ** 2))
         allowed = NOISE * np.sqrt(np.mean(smooth.torque[:, joint] ** 2))
         assert 0.75 < left / allowed < 1.33
+        assert bands.encoder_torque[joint] == pytest.approx(allowed, rel=0.01)
+
+
+def test_what_encoders_seem_to_add_is_told_where_the_band_is_the_widest_too(
+    robot: Robot, smooth: Motion
+) -> None:
+    quiet, loud = (joint_bands(robot, [noisy(smooth, deviation)], 20.0) for deviation in (1e-5, 3e-5))
+    np.testing.assert_array_equal(loud.cutoff, 20.0)
+    np.testing.assert_allclose(loud.encoder_torque, 3 * quiet.encoder_torque, rtol=0.1)
 
 
 def test_filters_of_several_bands_keep_the_same_samples() -> None:
@@ -86,4 +95,4 @@ def test_filters_of_several_bands_keep_the_same_samples() -> None:
 
 def test_a_recorded_run_of_eighteen_bits_keeps_its_band(robot: Robot) -> None:
     runs = [motion(run) for run in simulated_runs(robot, [], 1).values()]
-    np.testing.assert_array_equal(joint_bands(robot, runs, 20.0), 20.0)
+    np.testing.assert_array_equal(joint_bands(robot, runs, 20.0).cutoff, 20.0)

@@ -144,6 +144,8 @@ def test_what_healthy_robots_have_differs_from_effect_to_effect(tmp_path, name, 
         ("load_dependent_friction", {}, 0.15, False),
         ("thermal_friction_drift", {"time_constant": 3.0}, 0.5, True),
         ("thermal_friction_drift", {"time_constant": 10.0}, 0.5, False),
+        ("nonlinear_viscous_friction", {"exponent": 2.0}, 20.0, True),
+        ("nonlinear_viscous_friction", {"exponent": 2.0}, 1.0, False),
     ],
 )
 def test_what_no_gear_has_is_something_else(tmp_path, name, shape, amount, expected):
@@ -196,20 +198,36 @@ def test_a_lag_that_makes_most_of_a_joints_error_is_a_drives_however_slow_the_lo
     assert named == [("actuator_lag", 0)]
 
 
-@pytest.mark.parametrize(("name", "expected"), [("asymmetric_friction", True), ("cable_spring", False)])
-def test_an_offset_that_first_moments_take_up_is_judged_by_its_size(tmp_path, name, expected):
+@pytest.mark.parametrize(
+    ("name", "amount", "encoders", "expected"),
+    [
+        ("asymmetric_friction", 0.4, 0.0, True),
+        ("cable_spring", 0.4, 0.0, False),
+        ("nonlinear_viscous_friction", 8.0, 0.0, True),
+        ("nonlinear_viscous_friction", 0.4, 0.0, False),
+        ("backlash", 10.0, 0.0, True),
+        ("backlash", 10.0, 0.8, True),
+        ("backlash", 0.4, 0.0, False),
+        ("joint_elasticity", 0.4, 0.4, True),
+        # Smoothing takes away what encoders seem to add.
+        ("joint_elasticity", 0.4, 0.8, False),
+    ],
+)
+def test_what_leaves_little_is_judged_by_its_size(tmp_path, name, amount, encoders, expected):
     arm = small_arm(tmp_path)
-    stage = Stage.of(ground(prepared := prepare(arm, simulated_runs(arm, [], runs=2))), [])
-    own = next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
+    little = 0.003 * ground(prepared).torque_rms
+    stage = Stage.of(ground(replace(prepared, encoder_torque=encoders * little)), [])
+    own = next(c for c in candidates(stage.prepared, only=[name]) if c.family.joint == 0)
     gain = stage.gain(own)
-    # A fifth of the Coulomb friction, certain, that leaves a seventh of the rest and .3 % of the torque.
-    coefficients = 0.4 * np.eye(own.count)[0]
-    squared = np.array([(0.003 * stage.ground.torque_rms[0]) ** 2 * stage.counts[0], 0.0])
+    # It is certain, a seventh of the rest and .3 % of the torque.
+    coefficients = amount * np.eye(own.count)[0]
+    squared = np.array([little[0] ** 2 * stage.counts[0], 0.0])
     stage.held_squares = np.maximum(stage.held_squares, 7 * squared)
     known = replace(
         gain,
         coefficients=coefficients,
-        information=2500 * np.eye(own.count),
+        information=400 / amount**2 * np.eye(own.count),
         held_out=squared,
         prior=stage.prior,
     )

@@ -10,7 +10,9 @@ from diagnosis.accepted import RESONANCE, Accepted, out_of_bounds, resonances
 from diagnosis.attribution import attribute
 from diagnosis.candidates import candidates
 from diagnosis.evidence import fitted_to
+from diagnosis.findings import Gap
 from diagnosis.ground import ground
+from diagnosis.naming import names_that_hold
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
@@ -52,6 +54,18 @@ def test_a_gain_error_that_no_drive_has_is_none(arm, prepared, relative, expecte
     values = np.append(fitted.values[:-1], 1 / (1 + relative) - 1)
     found = out_of_bounds(arm, hypothesis, replace(fitted, values=values), [_accepted(gain)])
     assert [each.joint for each in found] == expected
+
+
+@pytest.mark.parametrize(
+    ("after", "fitted", "floor", "holds"),
+    [(9.9, 5.0, 1.0, False), (5.0, 5.0, 1.0, True), (9.9, 2.0, 1.0, True), (9.9, 5.0, 4.0, True)],
+)
+def test_a_name_that_leaves_its_joints_gap_as_it_was_does_not_hold(prepared, after, fitted, floor, holds):
+    cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
+    gap = Gap(*(np.array([1.0, value]) for value in (12.0, 10.0, after, floor)))
+    (item,), unmet = names_that_hold([_accepted(cable)], gap, np.array([1.0, fitted]))
+    assert item.named == holds
+    assert [each.joint for each in unmet] == ([] if holds else [1])
 
 
 @pytest.mark.parametrize(
