@@ -28,6 +28,7 @@ from .linearisation import RELINEARISED, TRANSMISSIONS, first_linearised, linear
 from .materiality import is_material
 from .naming import (
     accepted_as,
+    as_fitted_at_last,
     is_dwarfed,
     judged_again,
     of_one_joint,
@@ -157,7 +158,7 @@ def _grown(
     imitated = (*laws_of_position(original, last, accepted), *resonances(original, last, accepted))
     hidden = not_observable(sized, base.torque_rms, open_)
     hypothesis, fitted = at_likeliest_shapes(sized, hypothesis, fitted)
-    accepted = [replace(a, candidate=c) for a, c in zip(accepted, hypothesis.accepted, strict=True)]
+    accepted = as_fitted_at_last(sized, hypothesis, fitted, accepted)
     unmet = out_of_bounds(sized, hypothesis, fitted, accepted)
     unknown = (*unclaimed(original, last, free, sure), *imitated, *unmet)
     accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]

@@ -44,8 +44,10 @@ NEARLY_ALL = 0.8
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
 DWARFED = 0.05
 # An effect that takes less than this share of its joint's gap off runs left out, where that gap and what all
-# runs together fit are so many times the noise, is not the robot's.
+# runs together fit are so many times the noise, is not the robot's. Nor are effects that take less than half
+# of that off the gap of all joints, where it is farther from noise.
 EXPLAINED, FAR_FROM_NOISE = 0.2, 3.0
+EXPLAINED_OF_ALL, FARTHER_FROM_NOISE = 0.1, 4.0
 
 
 def accepted_as(
@@ -209,6 +211,17 @@ def _levels(
     return levels
 
 
+def as_fitted_at_last(
+    sized: Robot, hypothesis: Design, fitted: Fit, accepted: Sequence[Accepted]
+) -> list[Accepted]:
+    """What was taken in with the shapes that all runs together give it; what no gear has loses its name."""
+    found = []
+    for item, own, candidate in zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True):
+        named = item.named and not is_excessive(sized, candidate, fitted.values[own])
+        found.append(replace(item, candidate=candidate, named=named))
+    return found
+
+
 def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> bool:
     """Whether what no effect explains is at its joint, which a name would only imitate, or far larger."""
     misfit = [each.joint for each in unknown]
@@ -220,17 +233,22 @@ def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> boo
 def names_that_hold(
     accepted: Sequence[Accepted], gap: Gap, fitted: Array
 ) -> tuple[tuple[Accepted, ...], tuple[Unclaimed, ...]]:
-    """What was taken in, without the names that leave their joints' gap as it was; and those joints.
+    """What was taken in, without the names that leave their joints' gap as it was, or all gaps; those joints.
 
     gap: on whole runs left out. fitted: (n,) N·m RMS that all runs fitted together leave. What only one run
-    tells may leave the gap of that run as it was, but not what all of them fit.
+    tells may leave the gap of that run as it was, but not what all of them fit. What
+    re-identification swallows never seemed to explain it.
     """
-    far = np.minimum(gap.parameters, fitted) > FAR_FROM_NOISE * gap.noise_floor
-    stays = gap.parameters - gap.effects < EXPLAINED * (gap.parameters - gap.noise_floor)
+    closed, reducible = gap.parameters - gap.effects, gap.parameters - gap.noise_floor
+    is_far = np.minimum(gap.parameters, fitted) > FAR_FROM_NOISE * gap.noise_floor
+    is_as_it_was = is_far & (closed < EXPLAINED * reducible)
+    if gap.parameters.sum() > FARTHER_FROM_NOISE * gap.noise_floor.sum():
+        is_as_it_was |= bool(closed.sum() < EXPLAINED_OF_ALL * reducible.sum())
     found, unmet = [], dict[int, Unclaimed]()
     for item in accepted:
         joint = item.candidate.family.joint
-        if item.named and joint is not None and not item.candidate.is_event and (far & stays)[joint]:
+        seems = item.named and item.share > EXPLAINED and not item.candidate.is_event
+        if seems and joint is not None and is_as_it_was[joint]:
             item = replace(item, named=False)
             unmet[joint] = Unclaimed(joint, NOTHING, 1.0)
         found.append(item)

@@ -12,7 +12,7 @@ from diagnosis.candidates import candidates
 from diagnosis.evidence import fitted_to
 from diagnosis.findings import Gap
 from diagnosis.ground import ground
-from diagnosis.naming import names_that_hold
+from diagnosis.naming import as_fitted_at_last, names_that_hold
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
@@ -56,14 +56,34 @@ def test_a_gain_error_that_no_drive_has_is_none(arm, prepared, relative, expecte
     assert [each.joint for each in found] == expected
 
 
+@pytest.mark.parametrize(("seconds", "named"), [(2.0, False), (10.0, True)])
+def test_a_joint_that_warms_faster_than_any_by_all_runs_together_has_no_name(arm, prepared, seconds, named):
+    (taken_in, *_) = candidates(prepared, only=["thermal_friction_drift"])
+    shape = taken_in.member.shape | {"time_constant": seconds}
+    final = replace(taken_in, member=replace(taken_in.member, shape=shape))
+    hypothesis = SimpleNamespace(parts=[slice(0, taken_in.count)], accepted=[final])
+    fitted = SimpleNamespace(values=0.5 * np.eye(taken_in.count)[0])
+    (item,) = as_fitted_at_last(arm, hypothesis, fitted, [_accepted(taken_in)])
+    assert item.named == named
+    assert item.candidate is final
+
+
 @pytest.mark.parametrize(
-    ("after", "fitted", "floor", "holds"),
-    [(9.9, 5.0, 1.0, False), (5.0, 5.0, 1.0, True), (9.9, 2.0, 1.0, True), (9.9, 5.0, 4.0, True)],
+    ("after", "elsewhere", "fitted", "floor", "holds"),
+    [
+        (9.9, 1.0, 5.0, 1.0, False),
+        (5.0, 1.0, 5.0, 1.0, True),
+        # Each run tells something else.
+        (9.9, 1.0, 2.0, 1.0, True),
+        (9.9, 1.0, 5.0, 4.0, True),
+        # Of all that the joints leave, this is next to nothing.
+        (9.0, 9.9, 2.0, 1.0, False),
+    ],
 )
-def test_a_name_that_leaves_its_joints_gap_as_it_was_does_not_hold(prepared, after, fitted, floor, holds):
+def test_a_name_that_leaves_the_gap_as_it_was_does_not_hold(prepared, after, elsewhere, fitted, floor, holds):
     cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
-    gap = Gap(*(np.array([1.0, value]) for value in (12.0, 10.0, after, floor)))
-    (item,), unmet = names_that_hold([_accepted(cable)], gap, np.array([1.0, fitted]))
+    stages = ((12.0, 12.0), (10.0, 10.0), (elsewhere, after), (1.0, floor))
+    (item,), unmet = names_that_hold([_accepted(cable)], Gap(*map(np.array, stages)), np.array([1.0, fitted]))
     assert item.named == holds
     assert [each.joint for each in unmet] == ([] if holds else [1])
 
