@@ -9,6 +9,7 @@ import pytest
 from diagnosis.accepted import RESONANCE, Accepted, out_of_bounds, resonances
 from diagnosis.attribution import attribute
 from diagnosis.candidates import candidates
+from diagnosis.diagnose import diagnose
 from diagnosis.evidence import fitted_to
 from diagnosis.findings import Gap
 from diagnosis.ground import ground
@@ -18,7 +19,7 @@ from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs
-from .small_arm import small_arm
+from .small_arm import SCARA, small_arm
 
 
 @pytest.fixture(scope="module")
@@ -100,3 +101,20 @@ def test_a_little_of_one_effect_and_of_nothing_else_has_a_name(arm, others, expe
     faults = [parse_injection(arm, text) for text in ["backlash:shoulder:gap=0.0005", *others]]
     found = attribute(prepare(arm, simulated_runs(arm, faults, runs=3, noise=0.01))).accepted
     assert [(a.candidate.family.effect, a.candidate.family.joint) for a in found if a.named] == expected
+
+
+@pytest.mark.parametrize(("shaken", "verdict"), [((0,), "effect"), ((0, 1), "unknown")])
+def test_a_name_where_half_the_joints_follow_nothing_is_a_trace_of_that(tmp_path, shaken, verdict):
+    scara = small_arm(tmp_path, SCARA)
+    runs = simulated_runs(scara, [parse_injection(scara, "cable_spring:lift:stiffness=150,rest=-0.1")])
+    for name, run in runs.items():
+        torque = run.torque.copy()
+        for joint in shaken:
+            size = 0.12 * torque[:, joint].std()
+            torque[:, joint] += size * np.sin(2 * np.pi * (3.7 + 0.6 * joint) * run.time)
+        runs[name] = replace(run, torque=torque)
+    found = diagnose(scara, runs)
+    assert found.verdict == verdict
+    assert [(each.effect, each.joint) for each in found.effects] == (
+        [("cable_spring", 2)] if verdict == "effect" else []
+    )
