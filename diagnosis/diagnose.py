@@ -33,6 +33,8 @@ PARAMETERS_TORQUE = 0.01
 NAMED = (0.97, 0.87, 0.4)
 # Re-identified parameters that leave less than this multiple of the noise leave little but noise.
 LITTLE_BUT_NOISE = 1.03
+# What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
+NEXT_TO_NOTHING = 0.005
 
 
 def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
@@ -215,6 +217,9 @@ def _ranked(found: Attribution, verdict: str) -> tuple[RankedCandidate, ...]:
 
 
 def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
+    if item.share < NEXT_TO_NOTHING:
+        joint = robot.joint_names[item.joint]
+        return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"
     followed = item.regime if item.regime == NOTHING else f"the joint's {item.regime}"
     place = f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {followed}"
     likely = ": a base that rocks or a link that bends would" if item.regime == RESONANCE else ""
