@@ -129,9 +129,8 @@ def _closes_more(found: Attribution) -> bool:
     """
     named = [item for item in found.accepted if item.named]
     nothing = {item.joint for item in found.unknown if item.regime == NOTHING}
-    if len(nothing) >= max(0.5 * found.prepared.joints, 2) and not any(
-        item.candidate.is_event for item in named
-    ):
+    pushed = any(item.candidate.is_event for item in named)
+    if not pushed and len(nothing) >= max(0.5 * found.prepared.joints, 2):
         return False
     before = _rms(found.parameters_only[1].held_out, found.parameters_only[0]) / _torque(found.prepared)
     misfits = [item.share * before[item.joint] ** 2 for item in found.unknown if item.regime != NOTHING]
@@ -217,7 +216,7 @@ def _ranked(found: Attribution, verdict: str) -> tuple[RankedCandidate, ...]:
 
 
 def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
-    if item.share < NEXT_TO_NOTHING:
+    if item.regime == NOTHING and item.share < NEXT_TO_NOTHING:
         joint = robot.joint_names[item.joint]
         return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"
     followed = item.regime if item.regime == NOTHING else f"the joint's {item.regime}"

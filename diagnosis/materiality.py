@@ -15,6 +15,7 @@ from testbench.robot import Robot
 from .evidence import DELAY, LATE
 from .healthy import BENDING, BRISTLES, ELASTIC, OF_THE_LOAD, SPRING, is_beyond_healthy
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
+from .linearisation import TRANSMISSIONS
 from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]
@@ -56,12 +57,12 @@ SMALLEST_WALD = 25.0
 SWALLOWED_FRICTION = (OF_THE_LOAD, "asymmetric_friction")
 # Play and a soft gearbox show in reversals and vibrations alone, which are a small part of a run: no less
 # certain, and this share of the joint's rest, where there is more torque.
-GEARBOX, GEARBOX_WALD, GEARBOX_SHARE = ("backlash", ELASTIC), 100.0, 0.05
+TRANSMISSION_WALD, TRANSMISSION_SHARE = 100.0, 0.05
 # An elasticity takes away torque that noise of the encoders seems to add: this multiple of that is more.
 OF_ENCODERS = 2.0
 # Friction that bends is swallowed as well, but every joint's bends a little: so many times a healthy one's.
 BENT_ENOUGH = 2.0
-TOLD_BY_SIZE = (*SWALLOWED_FRICTION, *GEARBOX, BENDING, DELAY)
+TOLD_BY_SIZE = (*SWALLOWED_FRICTION, *TRANSMISSIONS, BENDING, DELAY)
 SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # What acts near rest, where samples do not count, shows little of itself: this share of the torque is
 # enough where it is most of what is left, and its size is certain. So does friction of a load that hardly
@@ -170,17 +171,17 @@ def _is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
         return False
     own = list(gain.candidate.member.rows)
     much, share = stage.torque_shares(gain)[own], stage.shares(gain)[own]
-    seen = much > SMALLEST_TORQUE
-    if family.effect in GEARBOX:
-        if gain.wald < GEARBOX_WALD:
+    seen, little = much > SMALLEST_TORQUE, (much > LITTLE_TORQUE) & (share > SMALLEST_SHARE)
+    if family.effect in TRANSMISSIONS:
+        seen &= share > TRANSMISSION_SHARE
+        if gain.wald < TRANSMISSION_WALD:
             return False
-        seen &= share > GEARBOX_SHARE
-    little = (much > LITTLE_TORQUE) & (share > SMALLEST_SHARE)
-    if family.effect == BENDING and np.any(little) and _is_certainly_beyond(robot, stage, gain, BENT_ENOUGH):
-        return True
-    if family.effect in (*SWALLOWED_FRICTION, *GEARBOX):
+    if family.effect in (*SWALLOWED_FRICTION, *TRANSMISSIONS):
         seen |= little
-    return bool(np.any(seen)) and _is_certainly_beyond(robot, stage, gain)
+    if np.any(seen) and _is_certainly_beyond(robot, stage, gain):
+        return True
+    is_bent = family.effect == BENDING and bool(np.any(little))
+    return is_bent and _is_certainly_beyond(robot, stage, gain, BENT_ENOUGH)
 
 
 def _is_seen_beyond_rest(robot: Robot, stage: Stage, weighed: Weighed) -> bool:

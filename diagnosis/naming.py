@@ -236,20 +236,21 @@ def names_that_hold(
     """What was taken in, without the names that leave their joints' gap as it was, or all gaps; those joints.
 
     gap: on whole runs left out. fitted: (n,) N·m RMS that all runs fitted together leave. What only one run
-    tells may leave the gap of that run as it was, but not what all of them fit. What
-    re-identification swallows never seemed to explain it.
+    tells may leave the gap of that run as it was, but not what all of them fit. What re-identification
+    swallows never seemed to explain it.
     """
     closed, reducible = gap.parameters - gap.effects, gap.parameters - gap.noise_floor
     is_far = np.minimum(gap.parameters, fitted) > FAR_FROM_NOISE * gap.noise_floor
     is_as_it_was = is_far & (closed < EXPLAINED * reducible)
     if gap.parameters.sum() > FARTHER_FROM_NOISE * gap.noise_floor.sum():
         is_as_it_was |= bool(closed.sum() < EXPLAINED_OF_ALL * reducible.sum())
+    left = np.minimum(gap.effects / np.maximum(gap.parameters, 1e-300), 1.0) ** 2
     found, unmet = [], dict[int, Unclaimed]()
     for item in accepted:
         joint = item.candidate.family.joint
         seems = item.named and item.share > EXPLAINED and not item.candidate.is_event
         if seems and joint is not None and is_as_it_was[joint]:
             item = replace(item, named=False)
-            unmet[joint] = Unclaimed(joint, NOTHING, 1.0)
+            unmet[joint] = Unclaimed(joint, NOTHING, float(left[joint]))
         found.append(item)
     return tuple(found), tuple(unmet.values())

@@ -117,9 +117,7 @@ def gravity(model: Any) -> Array:
 def _springs(model: Any) -> Array:
     """The joints' springs (n, 4) as springs.py has them; zero where disabled."""
     springs = np.column_stack([model.jnt_stiffness, model.jnt_stiffnesspoly, model.qpos_spring])
-    if model.opt.disableflags & SPRINGS_DISABLED:
-        return np.zeros_like(springs)
-    return np.where(np.any(springs[:, :3], axis=1, keepdims=True), springs, 0.0)
+    return np.zeros_like(springs) if model.opt.disableflags & SPRINGS_DISABLED else springs
 
 
 def _require_serial_arm(model: Any) -> None:

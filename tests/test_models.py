@@ -21,6 +21,8 @@ from identification.parameters import (
 from identification.regressor import regressor
 from testbench.robot import Robot, load_robot
 
+from .mujoco_torque import mujoco_torques
+
 MODELS = Path(__file__).parents[1] / "models"
 EXTERIOR_GROUP, COLLISION_GROUP = 2, 3
 PRIMITIVES = {
@@ -58,19 +60,6 @@ def random_states(robot: Robot, count: int, seed: int) -> tuple[np.ndarray, np.n
     rng = np.random.default_rng([seed, 1])
     dq, ddq = rng.uniform(-1, 1, (2, count, robot.joints))
     return random_poses(robot, count, seed), dq * robot.limits.velocity, ddq * robot.limits.acceleration
-
-
-def mujoco_torques(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-    """mj_inverse without constraints, so that friction loss is left to exact Coulomb friction."""
-    model = mujoco.MjModel.from_xml_path(str(robot.path))
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    data = mujoco.MjData(model)
-    torques = np.empty_like(q)
-    for sample in range(len(q)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = q[sample], dq[sample], ddq[sample]
-        mujoco.mj_inverse(model, data)
-        torques[sample] = data.qfrc_inverse
-    return torques
 
 
 def pinocchio_torques(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
@@ -131,7 +120,7 @@ def test_regressor_mujoco_and_pinocchio_agree(robot: Robot) -> None:
     q, dq, ddq = random_states(robot, 1000, seed=1)
     standard = robot.parameters.reshape(robot.joints, PER_JOINT)
     coulomb = standard[:, COULOMB] * np.sign(dq)
-    by_mujoco = mujoco_torques(robot, q, dq, ddq) + coulomb
+    by_mujoco = mujoco_torques(mujoco.MjModel.from_xml_path(str(robot.path)), q, dq, ddq) + coulomb
     by_pinocchio = pinocchio_torques(robot, q, dq, ddq) + standard[:, VISCOUS] * dq + coulomb
     by_regressor = regressor(robot.chain, q, dq, ddq) @ robot.parameters
     np.testing.assert_allclose(by_regressor, by_mujoco, rtol=0, atol=1e-9)

@@ -2,7 +2,6 @@ import io
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from testbench.report.style import envelope
 from testbench.results import IdentificationResult
 from testbench.summary import WIDTH, summary
 
+from .html_page import Page
 from .synthetic import NOISE, synthetic_result, synthetic_robot, without_truth
 
 EXCITATION = {
@@ -26,32 +26,6 @@ EXCITATION = {
     "criteria": {"condition": 87.25, "logdet": 661.0},
     "margins": [0.1, 0.25],
 }
-
-
-class Page(HTMLParser):
-    """The page's sources, ids, and the rows of its tables."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.sources: list[str] = []
-        self.ids: set[str] = set()
-        self.rows: list[list[str]] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        values = dict(attrs)
-        if tag in ("script", "link", "img", "iframe"):
-            self.sources += [v for k in ("src", "href") if (v := values.get(k))]
-        if values.get("id"):
-            self.ids.add(str(values["id"]))
-        if tag == "tr":
-            self.rows.append([])
-        if tag == "td":
-            self.rows[-1].append("")
-
-    def handle_data(self, data: str) -> None:
-        if self.rows and self.rows[-1] and self.lasttag == "td":
-            self.rows[-1][-1] += data.strip()
 
 
 @pytest.fixture(scope="module")

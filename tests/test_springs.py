@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -22,6 +21,7 @@ from testbench.robot import Robot, load_robot
 from testbench.sampling import motion
 
 from .diagnosed import RATE, simulated_runs
+from .mujoco_torque import mujoco_torques
 from .small_arm import ARM, SCARA, small_arm
 
 SHOULDER, ELBOW = 30.0, 6.0
@@ -33,17 +33,6 @@ SPRUNG = ARM.replace('name="shoulder"', f'name="shoulder" stiffness="{SHOULDER} 
 @pytest.fixture(scope="module")
 def sprung(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     return small_arm(tmp_path_factory.mktemp("sprung"), SPRUNG)
-
-
-def torque_by_mujoco(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-    """Inverse dynamics without frictionloss, which MuJoCo has as a constraint."""
-    robot.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    data, out = mujoco.MjData(robot.model), np.empty_like(q)
-    for index in range(len(q)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = q[index], dq[index], ddq[index]
-        mujoco.mj_inverse(robot.model, data)
-        out[index] = data.qfrc_inverse
-    return out
 
 
 @pytest.mark.parametrize(
@@ -60,7 +49,7 @@ def test_inverse_dynamics_has_the_springs_of_mujoco(tmp_path, xml, pulls):
     q, dq, ddq = np.random.default_rng(1).normal(size=(3, 20, robot.joints))
     ours = inverse_dynamics(robot.chain, robot.parameters, q, dq, ddq)
     friction = robot.parameters.reshape(-1, 14)[:, 12] * np.sign(dq)
-    np.testing.assert_allclose(ours - friction, torque_by_mujoco(robot, q, dq, ddq), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(ours - friction, mujoco_torques(robot.model, q, dq, ddq), rtol=1e-9, atol=1e-9)
     assert robot.chain.springs.any() == pulls
 
 

@@ -16,6 +16,7 @@ from testbench.effects.logged import Logged, body_in_link, logged_run
 from testbench.log import Recording
 from testbench.robot import Robot, load_robot
 
+from ..mujoco_torque import mujoco_torques
 from .moving_tx90 import RATE, explained, fitted, rms
 
 INJECTED = {
@@ -39,15 +40,9 @@ def needed_torque(robot: Robot, spec: mujoco.MjSpec, run: Recording) -> np.ndarr
     """What a model needs for the true motion, by mj_inverse, plus the true friction."""
     for joint in spec.joints:
         joint.damping, joint.frictionloss = [0, 0, 0], 0
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    model = spec.compile()
-    data, out = mujoco.MjData(model), []
     truth = run.truth
-    for q, dq, ddq in zip(truth["position"], truth["velocity"], truth["acceleration"], strict=True):
-        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
-        mujoco.mj_inverse(model, data)
-        out.append(data.qfrc_inverse.copy())
-    return np.array(out) + truth["friction_torque"]
+    motion = (truth[name] for name in ("position", "velocity", "acceleration"))
+    return mujoco_torques(spec.compile(), *motion) + truth["friction_torque"]
 
 
 def test_a_payload_is_one_more_body(arm, recordings):

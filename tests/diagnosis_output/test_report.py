@@ -4,7 +4,6 @@ import io
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 from rerun.chunk import RrdReader
@@ -21,23 +20,7 @@ from testbench.recording import POSE_RATE
 from testbench.robot import Robot
 
 from ..diagnosed import diagnosed
-
-
-class Page(HTMLParser):
-    """The page's sources and ids."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.sources: list[str] = []
-        self.ids: set[str] = set()
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        values = dict(attrs)
-        if tag in ("script", "link", "img", "iframe"):
-            self.sources += [v for k in ("src", "href") if (v := values.get(k))]
-        if values.get("id"):
-            self.ids.add(str(values["id"]))
+from ..html_page import Page
 
 
 def test_page_shows_every_section_without_network(answer: Diagnosis, runs: dict[str, Recording]) -> None:
