@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .accepted import Accepted, laws_of_position, out_of_bounds, resonances
+from .bank import Bank
 from .candidates import EVENT, SATURATION, Candidate, candidates
 from .evidence import Design, Fit, fitted_to, standard_values
 from .flat_top import flat_tops
@@ -42,7 +43,7 @@ from .round import Search
 from .saturation import Cut, cuts
 from .shortlist import refined_again
 from .unclaimed import Unclaimed, unclaimed
-from .weighing import Bank, Stage
+from .weighing import Stage
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,12 @@ import numpy as np
 from testbench.effects.external_contact import pushes, windows
 from testbench.effects.logged import Logged
 
+from .bank import Bank
 from .candidates import Place, in_parallel
 from .evidence import Design, Fit, squares, standard_values
 from .likelihood import Weighed, log_of_squares, odds
 from .unclaimed import fitted_shares, foretold_shares
-from .weighing import Bank, Gain, Stage
+from .weighing import Gain, Stage
 
 # Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
 # residual; named where it explains as much.

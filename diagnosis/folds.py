@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from .bank import Bank
 from .evidence import fitted_to, is_extrapolated, squares
 from .ground import ground
 from .likelihood import gained
 from .preparation import Prepared, blocks
-from .weighing import Bank, Stage
+from .weighing import Stage
 
 # A run is extrapolated to where that leaves no less than this share of the joint's torque.
 SEEN = 0.01

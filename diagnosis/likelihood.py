@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .bank import Bank
 from .candidates import Candidate, Place
 from .evidence import Design, Fit, log_prior, squares
-from .weighing import Bank, Gain, Stage
+from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]
 

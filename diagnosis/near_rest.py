@@ -20,13 +20,14 @@ from scipy.optimize import minimize_scalar
 from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects.logged import Logged
 
+from .bank import Bank
 from .candidates import Candidate, without_law
 from .evidence import standard_values
 from .healthy import BRISTLES
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import NEAR_REST
 from .preparation import DEAD_ZONE, Prepared
-from .weighing import Bank, Stage
+from .weighing import Stage
 
 Array = NDArray[np.float64]
 

@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 from testbench.effects import effect
 from testbench.effects.size import typical_values
 
+from .bank import Bank
 from .candidates import candidate
 from .evidence import fitted_to
 from .findings import Diagnosis
 from .ground import ground
 from .likelihood import weigh
 from .rivals import Open, Rival
-from .weighing import Bank, Stage
+from .weighing import Stage
 
 Array = NDArray[np.float64]
 

@@ -6,6 +6,7 @@ from functools import cache, partial
 
 from testbench.robot import Robot
 
+from .bank import Bank
 from .candidates import EVENT, SATURATION
 from .contact import contact, explains_all_bursts, is_in_bursts_at_several
 from .evidence import Design, Fit
@@ -16,7 +17,7 @@ from .saturation import Cut, saturation
 from .shortlist import choose
 from .swallowed import swallowed
 from .unclaimed import unclaimed
-from .weighing import Bank, Gain, Stage
+from .weighing import Gain, Stage
 
 # Four standard deviations of what shows in the parameters' shift, which tells beside them.
 SWALLOWED_WALD = 16.0

@@ -16,12 +16,13 @@ from scipy.optimize import minimize_scalar
 from testbench.effects import effect
 from testbench.effects.signature import Family
 
+from .bank import Bank
 from .candidates import SATURATION, Candidate, candidate
 from .evidence import log_prior, solve
 from .likelihood import Weighed, log_of_squares
 from .preparation import Prepared
 from .unclaimed import foretold_shares
-from .weighing import Bank, Gain, Stage
+from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Member
 from testbench.robot import Robot
 
+from .bank import Bank
 from .candidates import candidate
 from .delay import likeliest_delay
 from .evidence import DELAY, Design, Fit
@@ -15,7 +16,7 @@ from .ground import Ground
 from .healthy import is_plausible
 from .likelihood import Weighed, gained, log_likelihood, odds, price
 from .shape_search import search
-from .weighing import Bank, Stage
+from .weighing import Stage
 
 Array = NDArray[np.float64]
 

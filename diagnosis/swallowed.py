@@ -8,10 +8,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .bank import Bank
 from .candidates import Candidate
 from .healthy import CABLE, SPRING
 from .likelihood import Weighed, gained_by_joint, weigh
-from .weighing import Bank, Stage
+from .weighing import Stage
 
 # What any joint has a little of, and what is fitted beside: friction, ripple, cables.
 IMPERFECTIONS = (

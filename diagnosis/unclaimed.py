@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .bank import Bank
 from .candidates import FREE
 from .evidence import DELAY, LATE, design, fit, is_extrapolated, squares
 from .generic import RUN_TIME
@@ -14,7 +15,7 @@ from .likelihood import weigh
 from .localisation import regime_shares
 from .noise import noise_rms
 from .spectrum import PERIODIC, SPECTRAL, slow_share
-from .weighing import Bank, Gain, Stage
+from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]
 

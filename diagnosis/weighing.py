@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from .active_set import Inverse, at_bounds
+from .bank import Bank
 from .candidates import Candidate
 from .evidence import (
-    RIDGE,
     Design,
     Fit,
     Normal,
@@ -28,15 +27,13 @@ from .evidence import (
     squares,
 )
 from .ground import Ground
+from .small_boxes import minimisers
 
 Array = NDArray[np.float64]
 
-# Against exact collinearity within a candidate, relative.
-SMALL_RIDGE = 1e-9
 # Of a free function, relative to its columns before anything is projected out: what the base regressor all
 # but spans, and what other runs hardly visit, is left alone.
 FREE_RIDGE = 0.02
-SWEEPS, CONVERGED = 500, 1e-12
 
 
 @dataclass(frozen=True)
@@ -61,55 +58,6 @@ class Gain:
     def wald(self) -> float:
         """Wald's statistic of the coefficients: (k,) squared standard deviations from zero, summed."""
         return float(self.coefficients @ self.information @ self.coefficients)
-
-
-class Bank:
-    """Candidates with the products of their columns with each other and with the base regressor.
-
-    K columns of all candidates side by side. owner: (K,) the candidate of each. Sums are kept apart by
-    fold and joint, since weights change from one hypothesis to the next.
-    """
-
-    def __init__(self, ground: Ground, proposals: Sequence[Candidate]):
-        self.candidates = tuple(proposals)
-        counts = np.array([c.count for c in proposals], dtype=np.int64)
-        self.start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        self.owner = np.repeat(np.arange(len(counts)), counts)
-        folds, n = range(len(ground.folds)), ground.joints
-        reach = [[c for c, each in enumerate(proposals) if j in each.member.rows] for j in range(n)]
-        self.reached = [np.flatnonzero(np.isin(self.owner, own)) for own in reach]
-        # Columns that reach a joint, of the used rows of a fold: (m, K_j).
-        self.z = [
-            [
-                np.concatenate([_rows(ground, proposals[c], f, j) for c in own], axis=1)
-                if own
-                else np.zeros((len(ground.used[f][j]), 0))
-                for j, own in enumerate(reach)
-            ]
-            for f in folds
-        ]
-        self.zx = [
-            [z.T @ x for z, x in zip(*both, strict=True)] for both in zip(self.z, ground.x, strict=True)
-        ]
-        # Candidates of the same number of coefficients are solved together.
-        self.groups = [np.flatnonzero(counts == k) for k in np.unique(counts)]
-        self.squares = [
-            np.zeros((len(own), len(ground.folds), n, *(2 * [counts[own[0]]]))) for own in self.groups
-        ]
-        place = {int(c): (g, i) for g, own in enumerate(self.groups) for i, c in enumerate(own)}
-        for j, own in enumerate(reach):
-            at = np.searchsorted(self.reached[j], [self.start[c] for c in own])
-            for c, first in zip(own, at, strict=True):
-                g, i = place[c]
-                part = slice(first, first + counts[c])
-                for f in folds:
-                    z = self.z[f][j][:, part]
-                    self.squares[g][i, f, j] = z.T @ z
-
-
-def _rows(ground: Ground, candidate: Candidate, fold: int, joint: int) -> Array:
-    """A candidate's columns at a joint that it reaches, (m, k)."""
-    return ground.rows_of(candidate.filtered, fold, joint, candidate.member.rows.index(joint))
 
 
 class Stage:
@@ -251,7 +199,7 @@ class Stage:
             normed = schur / (root[:, :, None] * root[:, None, :])
             remaining = np.linalg.eigvalsh((normed + normed.transpose(0, 2, 1)) / 2)
             # The hypothesis's own gradient vanishes at its minimum: Z'r alone drives the coefficients.
-            c = coefficients[at] = _bounded(schur + ridge, total_right[at], size, *bounds)
+            c = coefficients[at] = minimisers(schur + ridge, total_right[at], size, *bounds)
             objective = 2 * np.einsum("ca,ca->c", total_right[at], c)
             objective -= np.einsum("ca,cab,cb->c", c, schur, c)
             solved.update(
@@ -261,7 +209,7 @@ class Stage:
                 rest, rest_cross = own - by_fold[:, f], total_cross - sums.cross[f]
                 part = rest - _products(rest_cross, through_rest, at)
                 wanted = (total_right - sums.right[f] - rest_cross @ self.shift[f])[at]
-                c = _bounded(part + ridge, wanted, size, *bounds)
+                c = minimisers(part + ridge, wanted, size, *bounds)
                 # A coefficient that the other folds do not reach cannot be predicted from them.
                 unreached = np.any(np.einsum("caa->ca", rest) <= 1e-9 * size, axis=1)
                 c[unreached & ~free] = 0.0
@@ -345,37 +293,3 @@ class _Sums:
 def _products(cross: Array, through: Array, at: NDArray[np.int64]) -> Array:
     """cross[at] @ through[:, at] for each candidate's columns: (C, k, k)."""
     return np.einsum("cap,cpb->cab", cross[at], through.T[at].transpose(0, 2, 1), optimize=True)
-
-
-def _bounded(matrix: Array, right: Array, size: Array, lower: Array, upper: Array) -> Array:
-    """Minimisers (C, k) of c'Ac/2 - b'c within bounds, regularised against exact collinearity.
-
-    size: (C, k) of A's diagonal before anything was taken off: rounding may leave less than nothing of it.
-    """
-    scale = np.sqrt(np.maximum(np.einsum("caa->ca", matrix), RIDGE * size))
-    scaled = matrix / (scale[:, :, None] * scale[:, None, :]) + SMALL_RIDGE * np.eye(right.shape[1])
-    target = right / scale
-    free = np.linalg.solve(scaled, target[:, :, None])[:, :, 0]
-    low, high = lower * scale, upper * scale
-    for c in np.flatnonzero(np.any((free < low) | (free > high), axis=1)):
-        _box_minimum(scaled[c], target[c], low[c], high[c], free[c])
-    return free / scale
-
-
-@njit(cache=True, nogil=True)
-def _box_minimum(matrix: Array, right: Array, lower: Array, upper: Array, x: Array) -> None:
-    """Coordinate descent on a small box-constrained quadratic of unit diagonal, from x, in place."""
-    k = x.size
-    for a in range(k):
-        x[a] = min(max(x[a], lower[a]), upper[a])
-    for _ in range(SWEEPS):
-        largest = 0.0
-        for a in range(k):
-            slope = right[a]
-            for b in range(k):
-                slope -= matrix[a, b] * x[b]
-            new = min(max(x[a] + slope / matrix[a, a], lower[a]), upper[a])
-            largest = max(largest, abs(new - x[a]))
-            x[a] = new
-        if largest <= CONVERGED * (1.0 + np.abs(x).max()):
-            break

@@ -5,12 +5,13 @@ from dataclasses import replace
 import pytest
 
 from diagnosis.attribution import attribute
+from diagnosis.bank import Bank
 from diagnosis.contact import contact, explains_all_bursts
 from diagnosis.evidence import fitted_to
 from diagnosis.generic import generic_candidates
 from diagnosis.ground import ground
 from diagnosis.preparation import prepare
-from diagnosis.weighing import Bank, Stage
+from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis.bank import Bank
 from diagnosis.candidates import candidates
 from diagnosis.evidence import fitted_to
 from diagnosis.folds import covered, covered_for
 from diagnosis.ground import ground
 from diagnosis.preparation import prepare
-from diagnosis.weighing import Bank, Stage
+from diagnosis.weighing import Stage
 from identification.parameters import ARMATURE, COULOMB
 from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run

@@ -7,6 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from diagnosis.attribution import attribute
+from diagnosis.bank import Bank
 from diagnosis.correction import corrected_model
 from diagnosis.diagnose import diagnose
 from diagnosis.evidence import fitted_to
@@ -22,7 +23,7 @@ from diagnosis.near_rest import (
 from diagnosis.predict import predict_torque
 from diagnosis.preparation import Prepared, prepare
 from diagnosis.remedy import write_corrected
-from diagnosis.weighing import Bank, Stage
+from diagnosis.weighing import Stage
 from identification.parameters import COULOMB
 from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis.bank import Bank
 from diagnosis.candidates import candidates
 from diagnosis.evidence import design, fitted_to
 from diagnosis.ground import ground
@@ -12,7 +13,7 @@ from diagnosis.likelihood import weigh
 from diagnosis.preparation import prepare
 from diagnosis.shortlist import choose, refined_again
 from diagnosis.swallowed import swallowed
-from diagnosis.weighing import Bank, Stage
+from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs

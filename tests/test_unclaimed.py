@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from diagnosis.bank import Bank
 from diagnosis.evidence import fitted_to
 from diagnosis.generic import generic_candidates
 from diagnosis.ground import ground
 from diagnosis.preparation import prepare
 from diagnosis.unclaimed import NOTHING, unclaimed
-from diagnosis.weighing import Bank, Stage
+from diagnosis.weighing import Stage
 from identification.parameters import ARMATURE
 from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from diagnosis.bank import Bank
 from diagnosis.candidates import candidates
 from diagnosis.evidence import fitted_to, scaled_precision, solve, squares
 from diagnosis.ground import ground
 from diagnosis.preparation import prepare
-from diagnosis.weighing import Bank, Stage
+from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs
