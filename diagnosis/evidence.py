@@ -35,6 +35,8 @@ FITTED_LEFT = 0.3
 RIDGE = 1e-12
 RIDGES = (RIDGE, 1e-9, 1e-6)
 WEIGHT_PASSES = 3
+# Within a pass the prior's scale converges to this share of itself.
+SCALE_PASSES, SCALE_CONVERGED = 30, 0.01
 # Misfit can be coloured without end; a joint must not lose its say altogether over it.
 LARGEST_INFLATION = 10.0
 # Deviation of a push, in units of the strongest joint's RMS torque.
@@ -236,12 +238,29 @@ def _weights_and_scale(hypothesis: Design, normal: Normal) -> tuple[Array, float
     weights = 1 / np.maximum(np.var(np.concatenate(hypothesis.gap), axis=0), 1e-30)
     prior_scale = 1.0
     for _ in range(WEIGHT_PASSES):
-        values = _values(hypothesis, normal.weighted(weights), prior_scale, bounds(hypothesis))
+        values, prior_scale = _at_own_scale(hypothesis, normal.weighted(weights), prior_scale)
         residual = _residual(hypothesis, values)
         variance, inflation = variance_inflation(residual, hypothesis.used)
         weights = 1 / np.maximum(variance * np.minimum(inflation, LARGEST_INFLATION), 1e-30)
-        prior_scale = 1.0 + float(prior_distance(hypothesis, values)) / determined(hypothesis.prepared)
     return weights, prior_scale
+
+
+def _at_own_scale(hypothesis: Design, folds: tuple[Array, ...], scale: float) -> tuple[Array, float]:
+    """Unknowns (p,) by the prior scale that they give themselves, and that; folds as of ``_values``.
+
+    A scale that lags behind holds parameters back that are far from the model's; what that leaves looks like
+    effects.
+    """
+    limits = bounds(hypothesis)
+    for _ in range(SCALE_PASSES):
+        values = _values(hypothesis, folds, scale, limits)
+        before, scale = (
+            scale,
+            1.0 + float(prior_distance(hypothesis, values)) / determined(hypothesis.prepared),
+        )
+        if abs(scale - before) < SCALE_CONVERGED * scale:
+            break
+    return values, scale
 
 
 def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:
