@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from identification.kinematics import kernel
 from identification.parameters import COULOMB as COULOMB_PARAMETER
+from identification.parameters import PER_JOINT
 from identification.parameters import VISCOUS as VISCOUS_PARAMETER
 
 from ..robot import Robot
@@ -86,11 +87,12 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     Shapes ``power``: the mean of these runs, W, of which w = 1 is made; ``carried``: whether a run starts as
     warm as the one before it has ended, or cold. Until fv is that of the cold joint the coefficients are too
-    large.
+    large; where the runs' warmth leaves hardly any of it, the model's stands in.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    upper = np.full(2, LARGEST_COEFFICIENT)
-    friction = [np.maximum(run.table[joint, [VISCOUS_PARAMETER, COULOMB_PARAMETER]], 0.0) for run in runs]
+    friction = [_cold(run, joint) for run in runs]
+    # Of friction that a joint has none of, nothing falls.
+    upper = np.where(np.max(friction, axis=0) > 0, LARGEST_COEFFICIENT, 0.0)
     speed = [run.dq[:, joint] for run in runs]
     heat = [np.maximum(run.friction[:, joint] * v, 0.0) for run, v in zip(runs, speed, strict=True)]
     falling = [np.minimum(f[0] * v**2, p) for f, v, p in zip(friction, speed, heat, strict=True)]
@@ -117,6 +119,15 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         refine={"time_constant": (SHORTEST, max(TIME_CONSTANTS))},
         member=member,
     )
+
+
+def _cold(run: Logged, joint: int) -> Array:
+    """Viscous and Coulomb friction (2,) that warmth takes its share of."""
+    fitted, nominal = (
+        values.reshape(run.joints, PER_JOINT)[joint, [VISCOUS_PARAMETER, COULOMB_PARAMETER]]
+        for values in (run.parameters, run.nominal)
+    )
+    return np.maximum(np.maximum(fitted, nominal / LARGEST_COEFFICIENT), 0.0)
 
 
 def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:

@@ -1,8 +1,11 @@
 """Signatures of friction, against laws written here in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from identification.parameters import PER_JOINT, VISCOUS
 from testbench.effects import effects
 from testbench.effects.signature import Logged
 from testbench.robot import Robot
@@ -100,3 +103,18 @@ def test_warmth_is_carried_from_run_to_run_or_not(logged: Logged) -> None:
     assert second[0] == pytest.approx(first[-1], rel=1e-3)
     np.testing.assert_array_equal(cold.columns[0], cold.columns[1])
     np.testing.assert_array_equal(cold.columns[0], warm.columns[0])
+
+
+@pytest.mark.parametrize(("nominal", "shows"), [(3.0, True), (0.0, False)])
+def test_a_joint_whose_viscous_friction_the_runs_warmth_has_hidden_may_still_warm(
+    logged: Logged, nominal: float, shows: bool
+) -> None:
+    of_joint = J * PER_JOINT + VISCOUS
+    fitted, given = logged.parameters.copy(), logged.nominal.copy()
+    fitted[of_joint], given[of_joint] = -0.1, nominal
+    run = replace(logged, parameters=fitted, nominal=given)
+    member = effects()["thermal_friction_drift"].signature([run], J, None).members[0]
+    assert np.any(member.columns[0][:, 0, 0]) == shows
+    assert np.any(member.columns[0][:, 0, 1])
+    # What a joint has none of has no say, and does not keep the rest from being weighed.
+    assert (member.upper[0] > 0) == shows
