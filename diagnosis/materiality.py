@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .evidence import DELAY, LATE
-from .healthy import BENDING, BRISTLES, ELASTIC, OF_THE_LOAD, SPRING, is_beyond_healthy
+from .healthy import BENDING, BRISTLES, ELASTIC, OF_THE_LOAD, SPRING, SPRINGS, is_beyond_healthy
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
 from .linearisation import TRANSMISSIONS
 from .weighing import Gain, Stage
@@ -42,6 +42,9 @@ SECOND_TOLD: Mapping[str, tuple[float, float, float]] = {
     "transmission_ripple": (0.04, 0.2, 100.0),
     "backlash": (0.005, 0.4, 1000.0),
 }
+# Or this share of the torque, where it is certainly so many times beyond a healthy one: a law's rest looks
+# like springs and bristles of any size, but not like these.
+SECOND_LITTLE, SECOND_BEYOND = 0.005, 1.5
 # And the share of what is left there when it is taken in, or that multiple of log-likelihood: imperfections
 # that are no smaller would not let it be told from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
@@ -82,6 +85,8 @@ OF_THE_JOINT = (
     "actuator_lag",
 )
 OBVIOUS = ((0.04, 0.5), (0.025, 0.8))
+# But it has this share of a healthy size: a coupling of inertia alone is no shared drive.
+OF_HEALTHY = 0.1
 # One that the parameters swallow must bring them nearer to the model's, but for this log-likelihood: else the
 # two only make up for each other.
 FARTHER = -2.0
@@ -145,7 +150,9 @@ def is_main(
             if torque > least_torque and left > least_left and gain.wald > least_wald:
                 return True
         prominent = best.score > SECOND_PROMINENT * elsewhere
-        much = torque > SECOND_TORQUE and left > SECOND_LEFT
+        is_rest = family.effect in (*SPRINGS, BRISTLES)
+        large = not is_rest and _is_certainly_beyond(robot, stage, gain, SECOND_BEYOND)
+        much = torque > (SECOND_LITTLE if large else SECOND_TORQUE) and left > SECOND_LEFT
         return much or prominent or bool(shares[family.joint] > SECOND_SHARE)
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
@@ -208,10 +215,12 @@ def _is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain, times: float = 
     return is_beyond_healthy(robot, stage.ground.torque_rms, gain.candidate, least)
 
 
-def is_obvious(stage: Stage, gain: Gain) -> bool:
+def is_obvious(robot: Robot, stage: Stage, gain: Gain) -> bool:
     """Whether it takes more torque off its joint's error than any healthy robot would have there."""
-    family = gain.candidate.family
+    family, torque_rms = gain.candidate.family, stage.ground.torque_rms
     if family.effect not in OF_THE_JOINT:
+        return False
+    if not is_beyond_healthy(robot, torque_rms, gain.candidate, gain.coefficients / OF_HEALTHY):
         return False
     own = list(gain.candidate.member.rows)
     torque, share = stage.torque_shares(gain)[own], stage.shares(gain)[own]

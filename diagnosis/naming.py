@@ -68,7 +68,8 @@ def accepted_as(
         (best.candidate, found.trial[1].values[-best.candidate.count :]),
         *((w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL),
     ]
-    beyond = is_obvious(stage, best.gain) or all(is_beyond_healthy(sized, torque_rms, *s) for s in sizes)
+    obvious = is_obvious(sized, stage, best.gain)
+    beyond = obvious or all(is_beyond_healthy(sized, torque_rms, *s) for s in sizes)
     beyond = beyond and not is_excessive(sized, *sizes[0])
     # What a push leaves is where it was.
     somewhere = {a.candidate.family.joint for a in before if a.named and not a.candidate.is_event}
@@ -77,7 +78,7 @@ def accepted_as(
     samples = stage.independent[list(best.candidate.member.rows)]
     # Of an effect of the whole robot all joints tell.
     told = samples.max() if best.candidate.family.joint is not None else samples.sum()
-    is_all = is_obvious(stage, best.gain) and stage.shares(best.gain).max() > NEARLY_ALL
+    is_all = obvious and stage.shares(best.gain).max() > NEARLY_ALL
     enough = told >= (FEWEST_OF_ALL if is_all else FEWEST_INDEPENDENT)
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(

@@ -77,7 +77,16 @@ def _weighed(arm, text, shape):
 @pytest.mark.parametrize(("amplitude", "expected"), [(3.0, True), (0.3, False)])
 def test_what_takes_more_torque_than_any_healthy_joint_has_is_obvious(tmp_path, amplitude, expected):
     text = f"transmission_ripple:shoulder:amplitude={amplitude},cycles=12"
-    assert is_obvious(*_weighed(small_arm(tmp_path), text, lambda member: True)) == expected
+    arm = small_arm(tmp_path)
+    assert is_obvious(arm, *_weighed(arm, text, lambda member: True)) == expected
+
+
+@pytest.mark.parametrize(("friction", "expected"), [(1.0, True), (0.0, False)])
+def test_a_coupling_of_inertia_alone_is_no_shared_drive(tmp_path, friction, expected):
+    arm = small_arm(tmp_path)
+    stage, gain = _weighed(arm, "joint_coupling:shoulder:into=elbow,viscous=1,coulomb=2", lambda member: True)
+    coupled = replace(gain, coefficients=np.array([friction, friction, 0.05]))
+    assert is_obvious(arm, stage, coupled) == expected
 
 
 @pytest.mark.parametrize(("shift", "expected"), [(0.0, True), (-5.0, False)])
@@ -233,3 +242,37 @@ def test_what_leaves_little_is_judged_by_its_size(tmp_path, name, amount, encode
     )
     assert known.wald == pytest.approx(400)
     assert is_material(arm, stage, Weighed(known, 30.0)) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "amount", "expected"),
+    [
+        ("transmission_ripple", 3.0, True),
+        ("transmission_ripple", 0.12, False),
+        # A law's rest looks like a spring of any stiffness.
+        ("cable_spring", 30.0, False),
+    ],
+)
+def test_a_second_effect_of_a_joint_is_told_from_the_firsts_rest_by_its_size(
+    tmp_path, name, amount, expected
+):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
+    stage = Stage.of(ground(prepared), [])
+    own = next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0)
+    # It is certain, six tenths of what is left there and 1 % of the torque; of the first rest it is little.
+    squared = np.array([(0.01 * stage.ground.torque_rms[0]) ** 2 * stage.counts[0], 0.0])
+    stage.held_squares[0] = squared[0] / 0.6
+    first = Stage.of(stage.ground, [])
+    first.held_squares = 100 * stage.held_squares
+    known = replace(
+        stage.gain(own),
+        coefficients=amount * np.eye(own.count)[0],
+        information=400 / amount**2 * np.eye(own.count),
+        held_out=squared,
+    )
+    elsewhere = replace(
+        known, candidate=next(c for c in candidates(prepared, only=[name]) if c.family.joint == 1)
+    )
+    best, rest = Weighed(known, 30.0), [Weighed(elsewhere, 30.0)]
+    assert is_main(arm, first, stage, best, {0}, rest) == expected
