@@ -33,6 +33,8 @@ PARAMETERS_TORQUE = 0.01
 NAMED = (0.97, 0.87, 0.4)
 # Re-identified parameters that leave less than this multiple of the noise leave little but noise.
 LITTLE_BUT_NOISE = 1.03
+# Effects that close less than this share of all joints' gap are told by what they close of their own joint's.
+LITTLE_CLOSED = 0.2
 # What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
 NEXT_TO_NOTHING = 0.005
 
@@ -238,13 +240,19 @@ def _sentence(
     for effect in effects:
         place = "" if effect.joint is None else f" at {robot.joint_names[effect.joint]}"
         parts.append(f"{effect.effect.replace('_', ' ')}{place}")
-    closed = gap.closed
     if not any(effect.candidate.shows for effect in effects):
         # A drive that reports what it gave: see flat_top.py.
         named = ", ".join(parts)
         return f"There is {named}: along the measured motion it leaves no gap, in closed loop it does."
+    return f"The gap comes from {', '.join(parts)}; {shrunk_in_words(robot, effects[0].joint, gap)}."
+
+
+def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
+    """How far the effects shrink the gap; joint: that of the first."""
+    closed, place = gap.closed, ""
     if closed is None or np.sum(gap.parameters) < LITTLE_BUT_NOISE * np.sum(gap.noise_floor):
-        shrink = "; re-identified parameters leave little but noise along these motions"
-    else:
-        shrink = f"; it explains {closed:.0%} of what re-identified parameters leave above the noise"
-    return f"The gap comes from {', '.join(parts)}{shrink}."
+        return "re-identified parameters leave little but noise along these motions"
+    if closed < LITTLE_CLOSED and joint is not None and gap.closed_at(joint) is not None:
+        # Of all joints' torque most may be another's, whose parameters foretell one run better than another.
+        closed, place = gap.closed_at(joint), f" at {robot.joint_names[joint]}"
+    return f"it explains {closed:.0%} of what re-identified parameters leave{place} above the noise"

@@ -1,5 +1,6 @@
 """What a diagnosis says: verdict, effects, where the gap lies, how far it shrinks."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -118,10 +119,20 @@ class Gap:
     @property
     def closed(self) -> float | None:
         """(parameters - effects) / (parameters - noise floor), joints summed; None if nothing to close."""
-        reducible = float(np.sum(self.parameters) - np.sum(self.noise_floor))
-        if reducible <= 1e-9 * max(float(np.sum(self.parameters)), 1e-12):
+        return self._closed(list(range(len(self.parameters))))
+
+    def closed_at(self, joint: int) -> float | None:
+        """The same of one joint."""
+        return self._closed([joint])
+
+    def _closed(self, joints: Sequence[int]) -> float | None:
+        parameters, effects, floor = (
+            float(np.sum(each[joints])) for each in (self.parameters, self.effects, self.noise_floor)
+        )
+        reducible = parameters - floor
+        if reducible <= 1e-9 * max(parameters, 1e-12):
             return None
-        return float((np.sum(self.parameters) - np.sum(self.effects)) / reducible)
+        return (parameters - effects) / reducible
 
 
 @dataclass(frozen=True)

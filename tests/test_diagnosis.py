@@ -7,7 +7,8 @@ import pytest
 
 from diagnosis.blind.hidden import hidden_error
 from diagnosis.correction import corrected_model
-from diagnosis.diagnose import diagnose
+from diagnosis.diagnose import diagnose, shrunk_in_words
+from diagnosis.findings import Gap
 from identification.errors import InputError
 from testbench.effects import parse_injection
 from testbench.log import read_log
@@ -56,6 +57,27 @@ def test_the_effect_and_its_joint_are_named_and_the_gap_closes(arm, text, joint)
     closed = found.gap.closed
     assert closed is not None
     assert closed > 0.8
+
+
+@pytest.mark.parametrize(
+    ("parameters", "effects", "floor", "expected"),
+    [
+        ([3.5, 1.0], [2.0, 0.2], [1.9, 0.1], "it explains 92% of what re-identified parameters leave above"),
+        # The other joint's parameters foretell one run worse than they did.
+        (
+            [3.5, 1.0],
+            [4.0, 0.2],
+            [1.9, 0.1],
+            "it explains 89% of what re-identified parameters leave at elbow",
+        ),
+        ([1.01, 0.1], [1.0, 0.1], [1.0, 0.1], "re-identified parameters leave little but noise"),
+    ],
+)
+def test_what_effects_explain_is_told_of_their_joint_where_others_hide_it(
+    arm, parameters, effects, floor, expected
+):
+    gap = Gap(*map(np.array, ([9.0, 2.0], parameters, effects, floor)))
+    assert shrunk_in_words(arm, 1, gap).startswith(expected)
 
 
 @pytest.mark.parametrize(("law", "stiffness"), [("sine", 3.0), ("gas_spring", 2.0)])
