@@ -28,6 +28,9 @@ SMALLEST_SHIFT = 7.5
 # And what must be left of that with what it does to runs left out.
 SMALLEST_SUM = 6.0
 HIDDEN_OVERLAP = 0.9
+# Friction that differs by direction, and no more, is any torque sensor's offset: it must show, by this share
+# of what is left.
+OF_SENSORS, OF_SENSORS_SHARE = "asymmetric_friction", 0.02
 # What one joint's misfit can imitate is no effect of the whole robot.
 SMALLEST_ELSEWHERE = 7.5
 # Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
@@ -108,7 +111,8 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = Fa
     if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
         return False
     shifts = gained_by_shift(stage, gain) > SMALLEST_SHIFT and gained(stage, gain) > SMALLEST_SUM
-    if gain.overlap > HIDDEN_OVERLAP and shifts:
+    shows = family.effect != OF_SENSORS or float(stage.shares(gain)[family.joint]) > OF_SENSORS_SHARE
+    if gain.overlap > HIDDEN_OVERLAP and shifts and shows:
         return True
     enough = (stage.shares(gain) > SMALLEST_SHARE) & (
         stage.removed(gain) > SMALLEST_TORQUE * stage.ground.torque_rms

@@ -276,3 +276,24 @@ def test_a_second_effect_of_a_joint_is_told_from_the_firsts_rest_by_its_size(
     )
     best, rest = Weighed(known, 30.0), [Weighed(elsewhere, 30.0)]
     assert is_main(arm, first, stage, best, {0}, rest) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "share", "expected"),
+    [
+        ("asymmetric_friction", 0.001, False),
+        ("asymmetric_friction", 0.03, True),
+        ("cable_spring", 0.001, True),
+    ],
+)
+def test_an_offset_of_the_torque_that_shows_in_the_parameters_alone_may_be_the_sensors(
+    tmp_path, name, share, expected
+):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
+    stage = Stage.of(ground(prepared), [])
+    gain = stage.gain(next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0))
+    taken_up = replace(
+        gain, overlap=0.95, prior=stage.prior + 20, held_out=np.array([share, 0.0]) * stage.held_squares
+    )
+    assert is_material(arm, stage, Weighed(taken_up, 30.0)) == expected
