@@ -88,6 +88,8 @@ OF_THE_JOINT = (
     "actuator_lag",
 )
 OBVIOUS = ((0.04, 0.5), (0.025, 0.8))
+# What other imperfections of a loaded joint make of an encoder's is never most of what is left there.
+OF_ENCODER, OBVIOUS_ENCODER = ("encoder_offset", "encoder_eccentricity"), ((0.005, 0.55),)
 # But it has this share of a healthy size: a coupling of inertia alone is no shared drive.
 OF_HEALTHY = 0.1
 # One that the parameters swallow must bring them nearer to the model's, but for this log-likelihood: else the
@@ -222,10 +224,11 @@ def _is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain, times: float = 
 def is_obvious(robot: Robot, stage: Stage, gain: Gain) -> bool:
     """Whether it takes more torque off its joint's error than any healthy robot would have there."""
     family, torque_rms = gain.candidate.family, stage.ground.torque_rms
-    if family.effect not in OF_THE_JOINT:
+    if family.effect not in (*OF_THE_JOINT, *OF_ENCODER):
         return False
     if not is_beyond_healthy(robot, torque_rms, gain.candidate, gain.coefficients / OF_HEALTHY):
         return False
     own = list(gain.candidate.member.rows)
     torque, share = stage.torque_shares(gain)[own], stage.shares(gain)[own]
-    return any(bool(np.any((torque > least) & (share > part))) for least, part in OBVIOUS)
+    levels = OBVIOUS_ENCODER if family.effect in OF_ENCODER else OBVIOUS
+    return any(bool(np.any((torque > least) & (share > part))) for least, part in levels)

@@ -297,3 +297,24 @@ def test_an_offset_of_the_torque_that_shows_in_the_parameters_alone_may_be_the_s
         gain, overlap=0.95, prior=stage.prior + 20, held_out=np.array([share, 0.0]) * stage.held_squares
     )
     assert is_material(arm, stage, Weighed(taken_up, 30.0)) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "share", "expected"),
+    [("encoder_offset", 0.6, True), ("encoder_offset", 0.4, False), ("stribeck_friction", 0.6, False)],
+)
+def test_an_encoder_whose_error_is_most_of_what_is_left_is_at_fault_however_small_that_is(
+    tmp_path, name, share, expected
+):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
+    stage = Stage.of(ground(prepared), [])
+    own = next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0)
+    # A hundredth of the joint's torque.
+    squared = (0.01 * stage.ground.torque_rms[0]) ** 2 * stage.counts[0]
+    stage.held_squares[0] = squared / share
+    gain = replace(
+        stage.gain(own), held_out=np.array([squared, 0.0]), coefficients=0.01 * np.eye(own.count)[0]
+    )
+    assert not is_beyond_healthy(arm, stage.ground.torque_rms, own, 0.3 * gain.coefficients)
+    assert is_obvious(arm, stage, gain) == expected
