@@ -5,16 +5,19 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from testbench.effects.external_contact import pushes, windows
 from testbench.effects.logged import Logged
 
 from .bank import Bank
-from .candidates import Place, in_parallel
+from .candidates import Candidate, Place, in_parallel
 from .evidence import Design, Fit, squares, standard_values
 from .likelihood import Weighed, log_of_squares, odds
 from .unclaimed import fitted_shares, foretold_shares
 from .weighing import Gain, Stage
+
+Array = NDArray[np.float64]
 
 # Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
 # residual; named where it explains as much.
@@ -31,6 +34,9 @@ FORETOLD = 0.25
 FITTED = 0.5
 # s: what is shorter, the filter does not resolve: a shock of the reference, a sample that went astray.
 SHORTEST = 0.15
+# No push loads a joint with so many times its drive's limit, or the largest torque of these runs where it has
+# none; one that is fitted may, where joints that do not move tell nothing of what loads them.
+LARGEST_LOAD = 3.0
 # Log-likelihood that a push must add beyond the price of its coefficients.
 SMALLEST_GAIN = 7.5
 # What by the weights of the hypothesis before gains less than this share of the most is not fitted in full.
@@ -75,6 +81,8 @@ def contact(
         explained = 1 - left
         if explained.max() <= (SMALLEST_SHARE if np.sum(explained > SMALLEST_SHARE) > 1 else ALONE):
             continue
+        if not _is_bearable(stage, gain.candidate, trial[1].values[-gain.candidate.count :]):
+            continue
         if link not in likeliest or weighed.score > likeliest[link][0].score:
             likeliest[link] = weighed, trial
     scores = [weighed.score for weighed, _ in likeliest.values()]
@@ -113,6 +121,15 @@ def _of_each_load(stage: Stage, bank: Bank) -> list[Gain]:
     worth = {load: 0.5 * gain.objective - gain.candidate.count for load, gain in best.items()}
     least = WORTH_A_FIT * max(worth.values(), default=0.0)
     return [gain for load, gain in best.items() if worth[load] >= least]
+
+
+def _is_bearable(stage: Stage, push: Candidate, coefficients: Array) -> bool:
+    """Whether no joint is loaded with far more than its drive can give."""
+    logged, rows = [run.logged for run in stage.prepared.runs], list(push.member.rows)
+    peak = np.max([np.abs(run.tau).max(axis=0) for run in logged], axis=0)
+    limit = stage.prepared.robot.limits.torque
+    most = LARGEST_LOAD * np.where(np.isfinite(limit), limit, peak)[rows]
+    return all(bool(np.all(np.abs(columns @ coefficients) <= most)) for columns in push.member.columns)
 
 
 def _with_bursts(

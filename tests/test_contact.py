@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from diagnosis.attribution import attribute
@@ -51,3 +52,11 @@ def test_a_shock_that_the_filter_does_not_resolve_is_no_push(tmp_path):
     prepared = prepare(arm, runs)
     stage = Stage(ground(prepared), *fitted_to(prepared, []))
     assert contact(stage, Bank(stage.ground, generic_candidates(prepared))) is None
+
+
+@pytest.mark.parametrize(("limit", "expected"), [(20.0, True), (2.0, False), (np.inf, True)])
+def test_no_push_is_many_times_what_a_drive_withstands(pushed, limit, expected):
+    limits = replace(pushed.robot.limits, torque=np.full(pushed.joints, limit))
+    weak = replace(pushed, robot=replace(pushed.robot, limits=limits))
+    stage = Stage(ground(weak), *fitted_to(weak, []))
+    assert (contact(stage, Bank(stage.ground, generic_candidates(weak))) is not None) == expected
