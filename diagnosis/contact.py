@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from testbench.effects.external_contact import pushes, windows
+from testbench.effects.external_contact import pushes, windows, withstood
 from testbench.effects.logged import Logged
 
 from .bank import Bank
@@ -125,10 +125,8 @@ def _of_each_load(stage: Stage, bank: Bank) -> list[Gain]:
 
 def _is_bearable(stage: Stage, push: Candidate, coefficients: Array) -> bool:
     """Whether no joint is loaded with far more than its drive can give."""
-    logged, rows = [run.logged for run in stage.prepared.runs], list(push.member.rows)
-    peak = np.max([np.abs(run.tau).max(axis=0) for run in logged], axis=0)
-    limit = stage.prepared.robot.limits.torque
-    most = LARGEST_LOAD * np.where(np.isfinite(limit), limit, peak)[rows]
+    rows = list(push.member.rows)
+    most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])[rows]
     return all(bool(np.all(np.abs(columns @ coefficients) <= most)) for columns in push.member.columns)
 
 

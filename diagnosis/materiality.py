@@ -29,8 +29,8 @@ SMALLEST_SHIFT = 7.5
 SMALLEST_SUM = 6.0
 HIDDEN_OVERLAP = 0.9
 # Friction that differs by direction, and no more, is any torque sensor's offset: it must show, by this share
-# of what is left.
-OF_SENSORS, OF_SENSORS_SHARE = "asymmetric_friction", 0.02
+# of what is left, or be so many times what healthy joints have.
+OF_SENSORS, OF_SENSORS_SHARE, OF_SENSORS_SIZE = "asymmetric_friction", 0.02, 4.0
 # What one joint's misfit can imitate is no effect of the whole robot.
 SMALLEST_ELSEWHERE = 7.5
 # Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
@@ -113,8 +113,7 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = Fa
     if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
         return False
     shifts = gained_by_shift(stage, gain) > SMALLEST_SHIFT and gained(stage, gain) > SMALLEST_SUM
-    shows = family.effect != OF_SENSORS or float(stage.shares(gain)[family.joint]) > OF_SENSORS_SHARE
-    if gain.overlap > HIDDEN_OVERLAP and shifts and shows:
+    if gain.overlap > HIDDEN_OVERLAP and shifts and not _is_of_sensors(robot, stage, gain):
         return True
     enough = (stage.shares(gain) > SMALLEST_SHARE) & (
         stage.removed(gain) > SMALLEST_TORQUE * stage.ground.torque_rms
@@ -211,6 +210,14 @@ def _is_of_encoders(stage: Stage, gain: Gain) -> bool:
     """Whether noise of its joint's encoders may seem as much torque as it takes off."""
     joint = gain.candidate.family.joint
     return bool(stage.removed(gain)[joint] < OF_ENCODERS * stage.prepared.encoder_torque[joint])
+
+
+def _is_of_sensors(robot: Robot, stage: Stage, gain: Gain) -> bool:
+    """Whether an offset of its joint's torque sensor would be as well."""
+    family, torque_rms = gain.candidate.family, stage.ground.torque_rms
+    if family.effect != OF_SENSORS or float(stage.shares(gain)[family.joint]) > OF_SENSORS_SHARE:
+        return False
+    return not is_beyond_healthy(robot, torque_rms, gain.candidate, gain.coefficients / OF_SENSORS_SIZE)
 
 
 def _is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain, times: float = 1.0) -> bool:

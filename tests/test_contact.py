@@ -14,6 +14,7 @@ from diagnosis.ground import ground
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
+from testbench.effects.link_force import independent
 
 from .diagnosed import simulated_runs
 from .small_arm import small_arm
@@ -57,6 +58,15 @@ def test_a_shock_that_the_filter_does_not_resolve_is_no_push(tmp_path):
 @pytest.mark.parametrize(("limit", "expected"), [(20.0, True), (2.0, False), (np.inf, True)])
 def test_no_push_is_many_times_what_a_drive_withstands(pushed, limit, expected):
     limits = replace(pushed.robot.limits, torque=np.full(pushed.joints, limit))
-    weak = replace(pushed, robot=replace(pushed.robot, limits=limits))
+    runs = tuple(replace(run, logged=replace(run.logged, limits=limits)) for run in pushed.runs)
+    weak = replace(pushed, runs=runs)
     stage = Stage(ground(weak), *fitted_to(weak, []))
     assert (contact(stage, Bank(stage.ground, generic_candidates(weak))) is not None) == expected
+
+
+def test_loads_of_a_push_are_told_apart_by_what_each_joint_withstands():
+    torques = np.random.default_rng(0).normal(size=(50, 2, 3)) * np.array([1.0, 4.0])[:, None]
+    withstood = np.array([1.0, 0.1])
+    loads = (torques @ independent(torques, withstood)) / withstood[:, None]
+    # None of them is large at the weak joint alone: what it bears counts as much as the strong one's.
+    np.testing.assert_allclose(np.einsum("mra,mrb->ab", loads, loads) / 50, np.eye(3), atol=1e-9)

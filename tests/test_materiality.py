@@ -279,22 +279,28 @@ def test_a_second_effect_of_a_joint_is_told_from_the_firsts_rest_by_its_size(
 
 
 @pytest.mark.parametrize(
-    ("name", "share", "expected"),
+    ("name", "share", "amount", "expected"),
     [
-        ("asymmetric_friction", 0.001, False),
-        ("asymmetric_friction", 0.03, True),
-        ("cable_spring", 0.001, True),
+        ("asymmetric_friction", 0.001, 0.1, False),
+        ("asymmetric_friction", 0.001, 0.8, True),
+        ("asymmetric_friction", 0.03, 0.1, True),
+        ("cable_spring", 0.001, 0.1, True),
     ],
 )
-def test_an_offset_of_the_torque_that_shows_in_the_parameters_alone_may_be_the_sensors(
-    tmp_path, name, share, expected
+def test_a_small_offset_of_the_torque_that_shows_in_the_parameters_alone_may_be_the_sensors(
+    tmp_path, name, share, amount, expected
 ):
     arm = small_arm(tmp_path)
     prepared = prepare(arm, simulated_runs(arm, [], runs=2))
     stage = Stage.of(ground(prepared), [])
-    gain = stage.gain(next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0))
+    own = next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0)
     taken_up = replace(
-        gain, overlap=0.95, prior=stage.prior + 20, held_out=np.array([share, 0.0]) * stage.held_squares
+        stage.gain(own),
+        overlap=0.95,
+        prior=stage.prior + 20,
+        held_out=np.array([share, 0.0]) * stage.held_squares,
+        # A twentieth or two fifths of its Coulomb friction.
+        coefficients=amount * np.eye(own.count)[0],
     )
     assert is_material(arm, stage, Weighed(taken_up, 30.0)) == expected
 

@@ -63,6 +63,8 @@ DESCRIPTION = EffectDescription(
 # Parameters of the hook before its table of links, and its state before q and torque: whether a direction
 # is kept, and the force in base axes.
 HEAD, STATE = 12, 4
+# Of the strongest joint's drive, what any other's withstands at least.
+SMALLEST = 1e-3
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -167,18 +169,28 @@ def _member(
 ) -> Member:
     """A coefficient for every window, component of the load and profile of time, less what does not show."""
     rows = _rows(joint, kind)
+    withstands = withstood(runs)
+    scale = withstands[list(rows)] / withstands.max()
     parts = []
     for index, (run, own) in enumerate(zip(runs, when, strict=True)):
         for window in own:
             part = widened(run, window, stretch)
             torque = push_torques_of(run, joint, part, kind, stretch)
-            parts.append((index, part, -torque @ independent(torque)))
+            parts.append((index, part, -torque @ independent(torque, scale)))
     start = np.cumsum([0, *(torque.shape[2] for _, _, torque in parts)])
     columns = tuple(np.zeros((run.samples, len(rows), start[-1])) for run in runs)
     for (index, part, torque), first in zip(parts, start, strict=False):
         columns[index][part, :, first : first + torque.shape[2]] = torque
     unbounded = np.full(start[-1], np.inf)
     return Member({"kind": float(kind), "stretch": stretch}, rows, columns, -unbounded, unbounded)
+
+
+def withstood(runs: Sequence[Logged]) -> Array:
+    """What each joint's drive can give, (n,) N·m; the largest torque of these runs where it has no limit."""
+    limit, peak = runs[0].limits.torque, np.max([np.abs(run.tau).max(axis=0) for run in runs], axis=0)
+    known = np.where(np.isfinite(limit), limit, peak)
+    # A joint that never had any torque.
+    return np.maximum(known, max(SMALLEST * float(known.max()), np.finfo(float).tiny))
 
 
 def _rows(joint: int, kind: int) -> tuple[int, ...]:

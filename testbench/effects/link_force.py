@@ -55,9 +55,12 @@ def base_in_link(chain: Chain, q: Array, joint: int) -> Array:
     return out
 
 
-def independent(torques: Array) -> Array:
-    """Combinations (k, m) of columns (M, r, k) worth a coefficient, each of 1 N·m RMS over all joints."""
-    flat = torques.reshape(-1, torques.shape[2])
+def independent(torques: Array, scale: Array) -> Array:
+    """Combinations (k, m) of columns (M, r, k) worth a coefficient, each of 1 N·m RMS over all joints.
+
+    scale: (r,) how many N·m of a joint count as one, so that no combination is large at a weak joint alone.
+    """
+    flat = (torques / scale[:, None]).reshape(-1, torques.shape[2])
     size = np.linalg.norm(flat, axis=0)
     scaled = flat / np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
