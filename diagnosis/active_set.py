@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from .evidence import RIDGE
+from .bounded import RIDGE
 
 Array = NDArray[np.float64]
 

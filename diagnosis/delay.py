@@ -10,7 +10,8 @@ from scipy.optimize import minimize_scalar
 
 from testbench.effects import effect
 
-from .evidence import DELAY, Design, Fit, Normal, bounds, design, log_prior, scaled_precision, solve
+from .bounded import solve
+from .evidence import DELAY, Design, Fit, Normal, bounds, design, log_prior, scaled_precision
 from .ground import ground
 from .likelihood import log_of_squares
 from .preparation import Run

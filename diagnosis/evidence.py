@@ -12,12 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import lsq_linear
 
 from identification.covariance import variance_inflation
 from identification.parameters import PER_JOINT
 
+from .bounded import RIDGE, solve
 from .candidates import Candidate
 from .ground import ground
 from .preparation import Prepared
@@ -32,8 +31,6 @@ INDEPENDENT = 0.25
 FEWEST_INDEPENDENT, FEWEST_OF_ALL = 80.0, 40.0
 # What all runs together fit, but for this share of it, each of them was extrapolated to.
 FITTED_LEFT = 0.3
-RIDGE = 1e-12
-RIDGES = (RIDGE, 1e-9, 1e-6)
 WEIGHT_PASSES = 3
 # Within a pass the prior's scale converges to this share of itself.
 SCALE_PASSES, SCALE_CONVERGED = 30, 0.01
@@ -166,41 +163,6 @@ class Normal:
     def weighted(self, weights: Array) -> tuple[Array, Array]:
         """The sums of each fold over the joints by their weights (n,): (F, p, p) and (F, p)."""
         return np.einsum("j,fjab->fab", weights, self.xx), np.einsum("j,fja->fa", weights, self.xy)
-
-
-def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
-    """Minimiser of x'Ax/2 - b'x within bounds; A (p, p) positive definite but for unknowns of no information.
-
-    Those, which these rows do not reach, are left at zero. Where both bounds are one value, that is it.
-    """
-    if np.any(fixed := lower >= upper):
-        found = np.where(fixed, lower, 0.0)
-        left = right[~fixed] - matrix[np.ix_(~fixed, fixed)] @ lower[fixed]
-        found[~fixed] = solve(matrix[np.ix_(~fixed, ~fixed)], left, lower[~fixed], upper[~fixed])
-        return found
-    dead = np.diag(matrix) <= 0
-    matrix = np.where(dead[:, None] | dead, 0.0, matrix)
-    matrix[dead, dead] = 1.0
-    right = np.where(dead, 0.0, right)
-    scale = 1 / np.sqrt(np.diag(matrix))
-    factor = _factor(matrix * np.outer(scale, scale))
-    free = scale * cho_solve(factor, scale * right)
-    if np.all(free >= lower - 1e-12 * np.abs(free)) and np.all(free <= upper + 1e-12 * np.abs(free)):
-        return free
-    root = np.tril(factor[0])
-    target = np.linalg.solve(root, scale * right)
-    return scale * lsq_linear(root.T, target, bounds=(lower / scale, upper / scale), method="bvls").x
-
-
-def _factor(scaled: Array) -> tuple[Array, bool]:
-    """Cholesky factor of a matrix (p, p) of unit diagonal, by the smallest ridge that lets it have one."""
-    for ridge in RIDGES:
-        try:
-            return cho_factor(scaled + ridge * np.eye(len(scaled)), lower=True)
-        except np.linalg.LinAlgError:
-            # Sums that others were subtracted from: a direction without information is rounding, of any sign.
-            continue
-    raise np.linalg.LinAlgError("no ridge makes these normal equations positive definite")
 
 
 def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:

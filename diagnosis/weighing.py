@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .active_set import Inverse, at_bounds
 from .bank import Bank
+from .bounded import minimisers, solve
 from .candidates import Candidate
 from .evidence import (
     Design,
@@ -23,11 +24,9 @@ from .evidence import (
     fitted_to,
     log_prior,
     scaled_precision,
-    solve,
     squares,
 )
 from .ground import Ground
-from .small_boxes import minimisers
 
 Array = NDArray[np.float64]
 

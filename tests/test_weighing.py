@@ -7,8 +7,9 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from diagnosis.bank import Bank
+from diagnosis.bounded import solve
 from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to, scaled_precision, solve, squares
+from diagnosis.evidence import fitted_to, scaled_precision, squares
 from diagnosis.ground import ground
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage

@@ -1,0 +1,84 @@
+"""Quadratics within bounds: one of many unknowns, or many of a few at once."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import lsq_linear
+
+Array = NDArray[np.float64]
+
+RIDGE = 1e-12
+RIDGES = (RIDGE, 1e-9, 1e-6)
+# Against exact collinearity within a candidate, relative.
+SMALL_RIDGE = 1e-9
+SWEEPS, CONVERGED = 500, 1e-12
+
+
+def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
+    """Minimiser of x'Ax/2 - b'x within bounds; A (p, p) positive definite but for unknowns of no information.
+
+    Those, which these rows do not reach, are left at zero. Where both bounds are one value, that is it.
+    """
+    if np.any(fixed := lower >= upper):
+        found = np.where(fixed, lower, 0.0)
+        left = right[~fixed] - matrix[np.ix_(~fixed, fixed)] @ lower[fixed]
+        found[~fixed] = solve(matrix[np.ix_(~fixed, ~fixed)], left, lower[~fixed], upper[~fixed])
+        return found
+    dead = np.diag(matrix) <= 0
+    matrix = np.where(dead[:, None] | dead, 0.0, matrix)
+    matrix[dead, dead] = 1.0
+    right = np.where(dead, 0.0, right)
+    scale = 1 / np.sqrt(np.diag(matrix))
+    factor = _factor(matrix * np.outer(scale, scale))
+    free = scale * cho_solve(factor, scale * right)
+    if np.all(free >= lower - 1e-12 * np.abs(free)) and np.all(free <= upper + 1e-12 * np.abs(free)):
+        return free
+    root = np.tril(factor[0])
+    target = np.linalg.solve(root, scale * right)
+    return scale * lsq_linear(root.T, target, bounds=(lower / scale, upper / scale), method="bvls").x
+
+
+def _factor(scaled: Array) -> tuple[Array, bool]:
+    """Cholesky factor of a matrix (p, p) of unit diagonal, by the smallest ridge that lets it have one."""
+    for ridge in RIDGES:
+        try:
+            return cho_factor(scaled + ridge * np.eye(len(scaled)), lower=True)
+        except np.linalg.LinAlgError:
+            # Sums that others were subtracted from: a direction without information is rounding, of any sign.
+            continue
+    raise np.linalg.LinAlgError("no ridge makes these normal equations positive definite")
+
+
+def minimisers(matrix: Array, right: Array, size: Array, lower: Array, upper: Array) -> Array:
+    """Minimisers (C, k) of c'Ac/2 - b'c within bounds, regularised against exact collinearity.
+
+    size: (C, k) of A's diagonal before anything was taken off: rounding may leave less than nothing of it.
+    """
+    scale = np.sqrt(np.maximum(np.einsum("caa->ca", matrix), RIDGE * size))
+    scaled = matrix / (scale[:, :, None] * scale[:, None, :]) + SMALL_RIDGE * np.eye(right.shape[1])
+    target = right / scale
+    free = np.linalg.solve(scaled, target[:, :, None])[:, :, 0]
+    low, high = lower * scale, upper * scale
+    for c in np.flatnonzero(np.any((free < low) | (free > high), axis=1)):
+        _box_minimum(scaled[c], target[c], low[c], high[c], free[c])
+    return free / scale
+
+
+@njit(cache=True, nogil=True)
+def _box_minimum(matrix: Array, right: Array, lower: Array, upper: Array, x: Array) -> None:
+    """Coordinate descent on a small box-constrained quadratic of unit diagonal, from x, in place."""
+    k = x.size
+    for a in range(k):
+        x[a] = min(max(x[a], lower[a]), upper[a])
+    for _ in range(SWEEPS):
+        largest = 0.0
+        for a in range(k):
+            slope = right[a]
+            for b in range(k):
+                slope -= matrix[a, b] * x[b]
+            new = min(max(x[a] + slope / matrix[a, a], lower[a]), upper[a])
+            largest = max(largest, abs(new - x[a]))
+            x[a] = new
+        if largest <= CONVERGED * (1.0 + np.abs(x).max()):
+            break
