@@ -14,7 +14,7 @@ from identification.base_parameters import base_parameters
 from identification.errors import InputError
 from identification.excitation.criteria import criterion_values
 from identification.excitation.excitation import DesignOptions, Excitation
-from identification.excitation.limits import limit_margins, require_usable, share_of
+from identification.excitation.limits import Limits, limit_margins, require_usable, share_of
 from identification.excitation.problem import weighted_regressor
 from identification.excitation.random_motion import FeasibleMotions, resting_centres
 from identification.excitation.trajectories import trajectory_basis
@@ -25,6 +25,7 @@ from testbench.clearance import robot_clearance
 
 from .experiments import ENOUGH, why
 from .findings import Diagnosis
+from .reached import within_reach
 from .rivals import Open, still_open
 from .separation import SAMPLE_RATE, Separation
 
@@ -42,6 +43,7 @@ COARSE_RATE = 50.0
 # What a motion shows no more than so many times better than the runs at hand, it is not worth running for.
 BETTER = 2.0
 NO_BETTER = "no motion was found that shows them much better"
+BY_RUNS = "Where the model sets no limit, it keeps to what these runs reached."
 
 
 @dataclass(frozen=True)
@@ -65,8 +67,8 @@ def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | Non
     """The motion that tells apart what stays open, or None where nothing does.
 
     Random feasible motions of several kinds, the best of them improved by a (1+1) evolution strategy. The
-    same seed gives the same motion. Where no motion tells them apart, or the model sets too few limits
-    to design one, only the words say what to do.
+    same seed gives the same motion. Where a model sets too few limits, what the runs reached stands in for
+    them. Where no motion tells them apart, or none can be designed, only the words say what to do.
     """
     open_ = still_open(diagnosis)
     if open_ is None:
@@ -74,8 +76,9 @@ def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | Non
     judge = Separation(diagnosis, open_)
     everything = np.ones(len(open_.rivals), dtype=bool)
     now = [judge.of_run(run.logged) for run in diagnosis.prepared.runs]
+    limits, by_runs = within_reach(diagnosis.robot.limits, [run.logged for run in diagnosis.prepared.runs])
     try:
-        motion, options = _best_motion(diagnosis, judge, seed)
+        motion, options = _best_motion(diagnosis, limits, judge, seed)
     except InputError as error:
         names, least = _names(open_, everything), max(_least(each, everything) for each in now)
         reason = f"no motion could be designed: {error.field} is {error.got}"
@@ -95,7 +98,8 @@ def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | Non
         return NextExperiment(why(names, names, told, NO_BETTER), names, None, separation, least, None)
     names = _names(open_, everything if open_.confused else chosen)
     words = why(_names(open_, everything), _names(open_, chosen), separation, "")
-    excitation = _excitation(diagnosis, motion, options, separation)
+    words += f" {BY_RUNS}" if by_runs else ""
+    excitation = _excitation(diagnosis, limits, motion, options, separation)
     return NextExperiment(words, names, FILE, separation, least, excitation)
 
 
@@ -119,12 +123,14 @@ def _merit(separations: Array) -> float:
     return float(np.mean(known / (known + ENOUGH**2)))
 
 
-def _best_motion(diagnosis: Diagnosis, judge: Separation, seed: int) -> tuple[Trajectory, DesignOptions]:
+def _best_motion(
+    diagnosis: Diagnosis, limits: Limits, judge: Separation, seed: int
+) -> tuple[Trajectory, DesignOptions]:
     """The best motion found, and how it was designed. Raises InputError."""
     robot = diagnosis.robot
-    require_usable(robot.chain, robot.limits)
+    require_usable(robot.chain, limits)
     clearance = robot_clearance(robot, CLEARANCE)
-    usable = share_of(robot.limits, LIMIT_SHARE)
+    usable = share_of(limits, LIMIT_SHARE)
     parameters = diagnosis.parameters
     centres = resting_centres(robot.chain, parameters, usable, clearance, seed)
     rng = np.random.default_rng(seed)
@@ -184,12 +190,12 @@ def _keeps(motions: FeasibleMotions, coefficients: Array) -> bool:
 
 
 def _excitation(
-    diagnosis: Diagnosis, motion: Trajectory, options: DesignOptions, separation: float
+    diagnosis: Diagnosis, limits: Limits, motion: Trajectory, options: DesignOptions, separation: float
 ) -> Excitation:
     robot = diagnosis.robot
     clearance = robot_clearance(robot, CLEARANCE)
     columns = base_parameters(robot.chain, tuple(GROUPS)).columns
-    scale = np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 1.0)
+    scale = np.where(np.isfinite(limits.torque), limits.torque, 1.0)
     count = int(motion.duration * SAMPLE_RATE)
     sampled = motion.evaluate(np.arange(count) / SAMPLE_RATE)
     return Excitation(
@@ -197,7 +203,7 @@ def _excitation(
         trajectory=motion,
         criterion="separation",
         values=criterion_values(weighted_regressor(robot.chain, columns, scale, sampled), count),
-        margins=limit_margins(robot.chain, diagnosis.parameters, robot.limits, motion, clearance),
+        margins=limit_margins(robot.chain, diagnosis.parameters, limits, motion, clearance),
         options=options,
         evaluations=DRAWS * len(KINDS) + IMPROVEMENTS,
         start_values=(separation,),

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from diagnosis.discrimination import next_experiment
@@ -85,3 +86,26 @@ def test_a_motion_that_settles_one_answer_only_says_which() -> None:
 def test_nothing_open_asks_for_nothing(robot: Robot, answer: Diagnosis) -> None:
     settled = replace(answer, effects=tuple(replace(each, confusable_with=()) for each in answer.effects))
     assert next_experiment(settled) is None
+
+
+def test_where_the_model_sets_no_limit_the_motion_keeps_to_what_the_runs_reached(
+    robot: Robot, runs: dict[str, Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("diagnosis.discrimination.KINDS", ((0.2, 12),))
+    monkeypatch.setattr("diagnosis.discrimination.IMPROVEMENTS", 2)
+    monkeypatch.setattr("diagnosis.discrimination.BETTER", 0.0)
+    none = np.full(robot.joints, np.inf)
+    limits = replace(robot.limits, lower=-none, upper=none, velocity=none, acceleration=none, torque=none)
+    free = replace(robot, limits=limits)
+    given = {"run_1": runs["run_1"]}
+    found = next_experiment(diagnosed(free, given, [], hidden=(("stribeck_friction", 0),)))
+    assert found is not None
+    assert found.excitation is not None
+    assert found.why.endswith("Where the model sets no limit, it keeps to what these runs reached.")
+    q, dq, _ = found.excitation.trajectory.evaluate(np.linspace(0, 5, 2001))
+    reached = runs["run_1"].position
+    assert np.all(q >= reached.min(axis=0) - 1e-3)
+    assert np.all(q <= reached.max(axis=0) + 1e-3)
+    speed = np.abs(np.gradient(reached, runs["run_1"].time, axis=0)).max(axis=0)
+    assert np.all(np.abs(dq).max(axis=0) <= speed)
+    assert found.excitation.margins.kept

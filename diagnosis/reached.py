@@ -1,0 +1,40 @@
+"""Limits for the next experiment where a model sets too few: what the runs at hand have reached."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.excitation.limits import JointLimits, Limits
+from testbench.effects.logged import Logged
+
+Array = NDArray[np.float64]
+
+# Share of the samples that may lie beyond what counts as reached: a spike is no motion.
+SPIKES = 1e-3
+
+
+def within_reach(limits: Limits, runs: Sequence[Logged]) -> tuple[JointLimits, bool]:
+    """The limits, and what the runs reached of all that joints with too few of them lack; whether any does.
+
+    Too few are those that ``require_usable`` refuses for a lack of them: no range of position, or neither a
+    limit of torque nor limits of velocity and acceleration.
+    """
+    q, dq, ddq, tau = (
+        np.concatenate([getattr(run, name) for run in runs]) for name in ("q", "dq", "ddq", "tau")
+    )
+    no_range = ~(np.isfinite(limits.lower) & np.isfinite(limits.upper))
+    no_bound = ~np.isfinite(limits.torque) & ~np.isfinite(limits.velocity + limits.acceleration)
+
+    def bounded(limit: Array, reached: Array) -> Array:
+        largest = np.quantile(np.abs(reached), 1 - SPIKES, axis=0)
+        return np.where(no_bound & ~np.isfinite(limit), largest, limit)
+
+    filled = JointLimits(
+        np.where(no_range, np.min(q, axis=0), limits.lower),
+        np.where(no_range, np.max(q, axis=0), limits.upper),
+        bounded(limits.velocity, dq),
+        bounded(limits.acceleration, ddq),
+        bounded(limits.torque, tau),
+    )
+    return filled, bool(np.any(no_range | no_bound))
