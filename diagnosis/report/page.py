@@ -46,7 +46,8 @@ def render(
     for effect, joint in diagnosis.not_observable:
         hidden.setdefault(words.title(effect), []).append(words.place(robot, joint))
     environment = page_environment("diagnosis.report", "testbench.report")
-    gap = diagnosis.gap
+    gap, densest = diagnosis.gap, words.where(diagnosis)
+    any_likely = any(each.probability >= words.LEAST_SHOWN for each in ranked)
     return environment.get_template("diagnosis.html").render(
         robot=robot.name,
         model=robot.path.name,
@@ -54,8 +55,8 @@ def render(
         runs=[run.name for run in diagnosis.prepared.runs],
         sentence=diagnosis.sentence,
         tiles=_tiles(diagnosis),
-        where=plot("where", "", heat_map.where(diagnosis)) if diagnosis.where else None,
-        densest=words.where(diagnosis),
+        where=plot("where", "", heat_map.where(diagnosis)) if densest else None,
+        densest=densest,
         effects=[
             {
                 "name": words.title(each.effect),
@@ -67,7 +68,7 @@ def render(
             }
             for each in diagnosis.effects
         ],
-        evidence=plot("evidence", "", figures.evidence(diagnosis)) if ranked else None,
+        evidence=plot("evidence", "", figures.evidence(diagnosis)) if any_likely else None,
         ruled_out=[
             {
                 "label": words.labelled(robot, each.effect, each.joint, each.into),

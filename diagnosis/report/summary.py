@@ -25,8 +25,8 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
     """Verdict, where, which, how far and what next, at most ten lines."""
     robot, gap = diagnosis.robot, diagnosis.gap
     lines = [Text(diagnosis.sentence, style="bold")]
-    if diagnosis.where and diagnosis.verdict != "none":
-        lines.append(_line("where", words.where(diagnosis)))
+    if where := words.where(diagnosis):
+        lines.append(_line("where", where))
     for each in diagnosis.effects[:MOST_EFFECTS]:
         label = words.labelled(robot, each.effect, each.joint, each.into)
         lines.append(_line("effect", f"{label}: {100 * each.probability:.0f} %; {words.parameters(each)}"))

@@ -11,6 +11,9 @@ from testbench.robot import Robot
 
 from ..findings import Diagnosis, NamedEffect
 
+# What would be 0 %.
+LEAST_SHOWN = 0.005
+
 
 def title(effect: str) -> str:
     """An effect's title, for people."""
@@ -53,9 +56,15 @@ def parameters(named: NamedEffect) -> str:
 
 
 def where(diagnosis: Diagnosis, most: int = 3) -> str:
-    """The joints with the largest shares of the gap, each with the regime it is densest in."""
+    """The joints with the largest shares of the gap, each with the regime it is densest in.
+
+    Empty where the model is as good as a re-identified one, or that leaves nothing above the noise.
+    """
+    if diagnosis.verdict == "none":
+        return ""
     names = diagnosis.robot.joint_names
-    return "; ".join(f"{100 * w.share:.0f} % {names[w.joint]} {w.regime}" for w in diagnosis.where[:most])
+    shown = [w for w in diagnosis.where[:most] if w.share >= LEAST_SHOWN]
+    return "; ".join(f"{100 * w.share:.0f} % {names[w.joint]} {w.regime}" for w in shown)
 
 
 def torque_unit(robot: Robot) -> str:

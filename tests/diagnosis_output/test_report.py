@@ -56,6 +56,18 @@ def test_where_there_is_no_gap_nothing_is_closed_and_no_place_is_told(answer: Di
     assert "where" not in summary(none).plain
 
 
+def test_what_would_be_nothing_per_cent_is_neither_drawn_nor_told(answer: Diagnosis) -> None:
+    nothing = replace(
+        answer,
+        where=tuple(replace(each, share=0.004) for each in answer.where),
+        ranked=tuple(replace(each, probability=0.004) for each in answer.ranked),
+    )
+    shown, hidden = (Page(render(each, "today")).ids for each in (answer, nothing))
+    assert {"where", "evidence"} <= shown
+    assert not {"where", "evidence"} & hidden
+    assert "where" not in summary(nothing).plain
+
+
 def test_session_holds_both_residuals_and_the_moving_arm(answer: Diagnosis, tmp_path: Path) -> None:
     write_session(answer, tmp_path / "session.rrd")
     rows: dict[str, int] = {}
