@@ -244,6 +244,14 @@ def test_what_leaves_little_is_judged_by_its_size(tmp_path, name, amount, encode
     assert is_material(arm, stage, Weighed(known, 30.0)) == expected
 
 
+def _healthy(arm, name):
+    """The stage of runs without a fault, and the first candidate of this effect at each joint."""
+    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
+    every = candidates(prepared, only=[name])
+    of_joints = [next(c for c in every if c.family.joint == joint) for joint in range(arm.joints)]
+    return Stage.of(ground(prepared), []), of_joints
+
+
 @pytest.mark.parametrize(
     ("name", "amount", "expected"),
     [
@@ -257,9 +265,7 @@ def test_a_second_effect_of_a_joint_is_told_from_the_firsts_rest_by_its_size(
     tmp_path, name, amount, expected
 ):
     arm = small_arm(tmp_path)
-    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
-    stage = Stage.of(ground(prepared), [])
-    own = next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0)
+    stage, (own, other) = _healthy(arm, name)
     # It is certain, six tenths of what is left there and 1 % of the torque; of the first rest it is little.
     squared = np.array([(0.01 * stage.ground.torque_rms[0]) ** 2 * stage.counts[0], 0.0])
     stage.held_squares[0] = squared[0] / 0.6
@@ -271,10 +277,7 @@ def test_a_second_effect_of_a_joint_is_told_from_the_firsts_rest_by_its_size(
         information=400 / amount**2 * np.eye(own.count),
         held_out=squared,
     )
-    elsewhere = replace(
-        known, candidate=next(c for c in candidates(prepared, only=[name]) if c.family.joint == 1)
-    )
-    best, rest = Weighed(known, 30.0), [Weighed(elsewhere, 30.0)]
+    best, rest = Weighed(known, 30.0), [Weighed(replace(known, candidate=other), 30.0)]
     assert is_main(arm, first, stage, best, {0}, rest) == expected
 
 
@@ -291,9 +294,7 @@ def test_a_small_offset_of_the_torque_that_shows_in_the_parameters_alone_may_be_
     tmp_path, name, share, amount, expected
 ):
     arm = small_arm(tmp_path)
-    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
-    stage = Stage.of(ground(prepared), [])
-    own = next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0)
+    stage, (own, _) = _healthy(arm, name)
     taken_up = replace(
         stage.gain(own),
         overlap=0.95,
@@ -313,9 +314,7 @@ def test_an_encoder_whose_error_is_most_of_what_is_left_is_at_fault_however_smal
     tmp_path, name, share, expected
 ):
     arm = small_arm(tmp_path)
-    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
-    stage = Stage.of(ground(prepared), [])
-    own = next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0)
+    stage, (own, _) = _healthy(arm, name)
     # A hundredth of the joint's torque.
     squared = (0.01 * stage.ground.torque_rms[0]) ** 2 * stage.counts[0]
     stage.held_squares[0] = squared / share
