@@ -32,7 +32,9 @@ FEWEST_INDEPENDENT, FEWEST_OF_ALL = 80.0, 40.0
 # What all runs together fit, but for this share of it, each of them was extrapolated to.
 FITTED_LEFT = 0.3
 WEIGHT_PASSES = 3
-# Within a pass the prior's scale converges to this share of itself.
+# A model is poor from this variance scale of the prior on; there it is made to converge within each pass, to
+# this share of itself, and taken where it is so many times the one that lags.
+POOR, LAGS = 3.0, 5.0
 SCALE_PASSES, SCALE_CONVERGED = 30, 0.01
 # Misfit can be coloured without end; a joint must not lose its say altogether over it.
 LARGEST_INFLATION = 10.0
@@ -196,33 +198,33 @@ def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:
 
 
 def _weights_and_scale(hypothesis: Design, normal: Normal) -> tuple[Array, float]:
-    """One over each joint's long-run residual variance (n,), and the prior's variance scale, in turn."""
+    """One over each joint's long-run residual variance (n,), and the prior's variance scale.
+
+    The scale lags a pass behind, lest an effect that is yet to be taken in loosens the parameters; but those
+    of a model that is far from the robot it would hold back, and what that leaves looks like effects.
+    """
+    found = _in_turn(hypothesis, normal, 1)
+    if found[1] > POOR:
+        converged = _in_turn(hypothesis, normal, SCALE_PASSES)
+        if converged[1] > LAGS * found[1]:
+            return converged
+    return found
+
+
+def _in_turn(hypothesis: Design, normal: Normal, scale_passes: int) -> tuple[Array, float]:
+    """Weights and the prior's scale, each by the other's last values."""
     weights = 1 / np.maximum(np.var(np.concatenate(hypothesis.gap), axis=0), 1e-30)
-    prior_scale = 1.0
+    limits, prior_scale = bounds(hypothesis), 1.0
     for _ in range(WEIGHT_PASSES):
-        values, prior_scale = _at_own_scale(hypothesis, normal.weighted(weights), prior_scale)
-        residual = _residual(hypothesis, values)
-        variance, inflation = variance_inflation(residual, hypothesis.used)
+        folds = normal.weighted(weights)
+        for _ in range(scale_passes):
+            values, before = _values(hypothesis, folds, prior_scale, limits), prior_scale
+            prior_scale = 1.0 + float(prior_distance(hypothesis, values)) / determined(hypothesis.prepared)
+            if abs(prior_scale - before) < SCALE_CONVERGED * prior_scale:
+                break
+        variance, inflation = variance_inflation(_residual(hypothesis, values), hypothesis.used)
         weights = 1 / np.maximum(variance * np.minimum(inflation, LARGEST_INFLATION), 1e-30)
     return weights, prior_scale
-
-
-def _at_own_scale(hypothesis: Design, folds: tuple[Array, ...], scale: float) -> tuple[Array, float]:
-    """Unknowns (p,) by the prior scale that they give themselves, and that; folds as of ``_values``.
-
-    A scale that lags behind holds parameters back that are far from the model's; what that leaves looks like
-    effects.
-    """
-    limits = bounds(hypothesis)
-    for _ in range(SCALE_PASSES):
-        values = _values(hypothesis, folds, scale, limits)
-        before, scale = (
-            scale,
-            1.0 + float(prior_distance(hypothesis, values)) / determined(hypothesis.prepared),
-        )
-        if abs(scale - before) < SCALE_CONVERGED * scale:
-            break
-    return values, scale
 
 
 def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:
