@@ -72,6 +72,7 @@ def contact(
     families = [partial(pushes, logged, link, events) for link in links]
     bank = Bank(stage.ground, in_parallel(stage.prepared, families))
     before = squares(stage.fitted.residual)
+    most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
     likeliest: dict[int, tuple[Weighed, tuple[Design, Fit]]] = {}
     for gain in _of_each_load(stage, bank):
         trial, link = stage.with_effects([gain.candidate]), gain.candidate.family.joint
@@ -81,7 +82,7 @@ def contact(
         explained = 1 - left
         if explained.max() <= (SMALLEST_SHARE if np.sum(explained > SMALLEST_SHARE) > 1 else ALONE):
             continue
-        if not _is_bearable(stage, gain.candidate, trial[1].values[-gain.candidate.count :]):
+        if not _is_bearable(gain.candidate, trial[1].values[-gain.candidate.count :], most):
             continue
         if link not in likeliest or weighed.score > likeliest[link][0].score:
             likeliest[link] = weighed, trial
@@ -123,11 +124,10 @@ def _of_each_load(stage: Stage, bank: Bank) -> list[Gain]:
     return [gain for load, gain in best.items() if worth[load] >= least]
 
 
-def _is_bearable(stage: Stage, push: Candidate, coefficients: Array) -> bool:
-    """Whether no joint is loaded with far more than its drive can give."""
-    rows = list(push.member.rows)
-    most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])[rows]
-    return all(bool(np.all(np.abs(columns @ coefficients) <= most)) for columns in push.member.columns)
+def _is_bearable(push: Candidate, coefficients: Array, most: Array) -> bool:
+    """Whether no joint is loaded with more than this, (n,) N·m."""
+    loads = (columns @ coefficients for columns in push.member.columns)
+    return all(bool(np.all(np.abs(load) <= most[list(push.member.rows)])) for load in loads)
 
 
 def _with_bursts(

@@ -252,7 +252,7 @@ def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
     closed, place = gap.closed, ""
     if closed is None or np.sum(gap.parameters) < LITTLE_BUT_NOISE * np.sum(gap.noise_floor):
         return "re-identified parameters leave little but noise along these motions"
-    if closed < LITTLE_CLOSED and joint is not None and gap.closed_at(joint) is not None:
+    if closed < LITTLE_CLOSED and joint is not None and (own := gap.closed_at(joint)) is not None:
         # Of all joints' torque most may be another's, whose parameters foretell one run better than another.
-        closed, place = gap.closed_at(joint), f" at {robot.joint_names[joint]}"
+        closed, place = own, f" at {robot.joint_names[joint]}"
     return f"it explains {closed:.0%} of what re-identified parameters leave{place} above the noise"

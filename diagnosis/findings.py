@@ -1,6 +1,5 @@
 """What a diagnosis says: verdict, effects, where the gap lies, how far it shrinks."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -119,13 +118,13 @@ class Gap:
     @property
     def closed(self) -> float | None:
         """(parameters - effects) / (parameters - noise floor), joints summed; None if nothing to close."""
-        return self._closed(list(range(len(self.parameters))))
+        return self._closed(slice(None))
 
     def closed_at(self, joint: int) -> float | None:
         """The same of one joint."""
-        return self._closed([joint])
+        return self._closed(slice(joint, joint + 1))
 
-    def _closed(self, joints: Sequence[int]) -> float | None:
+    def _closed(self, joints: slice) -> float | None:
         parameters, effects, floor = (
             float(np.sum(each[joints])) for each in (self.parameters, self.effects, self.noise_floor)
         )

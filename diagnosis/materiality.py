@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
+from .candidates import Candidate
 from .evidence import DELAY, LATE
 from .healthy import BENDING, BRISTLES, ELASTIC, OF_THE_LOAD, SPRING, SPRINGS, is_beyond_healthy
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
@@ -76,6 +77,7 @@ SMALLEST_GAIN, BEYOND = 10.0, 3.0
 NEAR_REST, LITTLE_TORQUE, MOST_LEFT = "stribeck_friction", 0.002, 0.5
 # Whatever its size in its own terms, no healthy joint has one of these that is this share of its torque and
 # this share of what is left there: less torque, of a larger share. Of a wrist's torque cables may be as much.
+# What other imperfections of a loaded joint make of an encoder's is never most of what is left there.
 OF_THE_JOINT = (
     "stribeck_friction",
     "asymmetric_friction",
@@ -87,9 +89,11 @@ OF_THE_JOINT = (
     "backlash",
     "actuator_lag",
 )
-OBVIOUS = ((0.04, 0.5), (0.025, 0.8))
-# What other imperfections of a loaded joint make of an encoder's is never most of what is left there.
-OF_ENCODER, OBVIOUS_ENCODER = ("encoder_offset", "encoder_eccentricity"), ((0.005, 0.55),)
+OF_ENCODER = ("encoder_offset", "encoder_eccentricity")
+OBVIOUS: Mapping[str, tuple[tuple[float, float], ...]] = {
+    **dict.fromkeys(OF_THE_JOINT, ((0.04, 0.5), (0.025, 0.8))),
+    **dict.fromkeys(OF_ENCODER, ((0.005, 0.55),)),
+}
 # But it has this share of a healthy size: a coupling of inertia alone is no shared drive.
 OF_HEALTHY = 0.1
 # One that the parameters swallow must bring them nearer to the model's, but for this log-likelihood: else the
@@ -214,10 +218,10 @@ def _is_of_encoders(stage: Stage, gain: Gain) -> bool:
 
 def _is_of_sensors(robot: Robot, stage: Stage, gain: Gain) -> bool:
     """Whether an offset of its joint's torque sensor would be as well."""
-    family, torque_rms = gain.candidate.family, stage.ground.torque_rms
+    family = gain.candidate.family
     if family.effect != OF_SENSORS or float(stage.shares(gain)[family.joint]) > OF_SENSORS_SHARE:
         return False
-    return not is_beyond_healthy(robot, torque_rms, gain.candidate, gain.coefficients / OF_SENSORS_SIZE)
+    return not _is_beyond(robot, stage, gain.candidate, gain.coefficients / OF_SENSORS_SIZE)
 
 
 def _is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain, times: float = 1.0) -> bool:
@@ -225,17 +229,19 @@ def _is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain, times: float = 
     if gain.wald < SMALLEST_WALD:
         return False
     least = (1 - BEYOND / np.sqrt(gain.wald)) * gain.coefficients / times
-    return is_beyond_healthy(robot, stage.ground.torque_rms, gain.candidate, least)
+    return _is_beyond(robot, stage, gain.candidate, least)
+
+
+def _is_beyond(robot: Robot, stage: Stage, candidate: Candidate, coefficients: Array) -> bool:
+    """Whether it is larger than a healthy robot's, by the torques of the stage."""
+    return is_beyond_healthy(robot, stage.ground.torque_rms, candidate, coefficients)
 
 
 def is_obvious(robot: Robot, stage: Stage, gain: Gain) -> bool:
     """Whether it takes more torque off its joint's error than any healthy robot would have there."""
-    family, torque_rms = gain.candidate.family, stage.ground.torque_rms
-    if family.effect not in (*OF_THE_JOINT, *OF_ENCODER):
-        return False
-    if not is_beyond_healthy(robot, torque_rms, gain.candidate, gain.coefficients / OF_HEALTHY):
+    levels = OBVIOUS.get(gain.candidate.family.effect, ())
+    if not levels or not _is_beyond(robot, stage, gain.candidate, gain.coefficients / OF_HEALTHY):
         return False
     own = list(gain.candidate.member.rows)
     torque, share = stage.torque_shares(gain)[own], stage.shares(gain)[own]
-    levels = OBVIOUS_ENCODER if family.effect in OF_ENCODER else OBVIOUS
     return any(bool(np.any((torque > least) & (share > part))) for least, part in levels)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.excitation.limits import JointLimits, Limits
+from identification.excitation.limits import JointLimits, Limits, missing_limits
 from testbench.effects.logged import Logged
 
 Array = NDArray[np.float64]
@@ -14,17 +14,17 @@ Array = NDArray[np.float64]
 SPIKES = 1e-3
 
 
-def within_reach(limits: Limits, runs: Sequence[Logged]) -> tuple[JointLimits, bool]:
+def within_reach(limits: Limits, runs: Sequence[Logged]) -> tuple[Limits, bool]:
     """The limits, and what the runs reached of all that joints with too few of them lack; whether any does.
 
-    Too few are those that ``require_usable`` refuses for a lack of them: no range of position, or neither a
-    limit of torque nor limits of velocity and acceleration.
+    Too few are those that ``missing_limits`` tells of.
     """
+    no_range, no_bound = missing_limits(limits)
+    if not np.any(no_range | no_bound):
+        return limits, False
     q, dq, ddq, tau = (
         np.concatenate([getattr(run, name) for run in runs]) for name in ("q", "dq", "ddq", "tau")
     )
-    no_range = ~(np.isfinite(limits.lower) & np.isfinite(limits.upper))
-    no_bound = ~np.isfinite(limits.torque) & ~np.isfinite(limits.velocity + limits.acceleration)
 
     def bounded(limit: Array, reached: Array) -> Array:
         largest = np.quantile(np.abs(reached), 1 - SPIKES, axis=0)
@@ -37,4 +37,4 @@ def within_reach(limits: Limits, runs: Sequence[Logged]) -> tuple[JointLimits, b
         bounded(limits.acceleration, ddq),
         bounded(limits.torque, tau),
     )
-    return filled, bool(np.any(no_range | no_bound))
+    return filled, True

@@ -207,6 +207,16 @@ def test_a_lag_that_makes_most_of_a_joints_error_is_a_drives_however_slow_the_lo
     assert named == [("actuator_lag", 0)]
 
 
+def _certain(stage, own, amount, squared):
+    """A candidate's gain, twenty deviations from zero, that takes so much off the held-out squares."""
+    return replace(
+        stage.gain(own),
+        coefficients=amount * np.eye(own.count)[0],
+        information=400 / amount**2 * np.eye(own.count),
+        held_out=squared,
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "amount", "encoders", "expected"),
     [
@@ -228,18 +238,10 @@ def test_what_leaves_little_is_judged_by_its_size(tmp_path, name, amount, encode
     little = 0.003 * ground(prepared).torque_rms
     stage = Stage.of(ground(replace(prepared, encoder_torque=encoders * little)), [])
     own = next(c for c in candidates(stage.prepared, only=[name]) if c.family.joint == 0)
-    gain = stage.gain(own)
     # It is certain, a seventh of the rest and .3 % of the torque.
-    coefficients = amount * np.eye(own.count)[0]
     squared = np.array([little[0] ** 2 * stage.counts[0], 0.0])
+    known = replace(_certain(stage, own, amount, squared), prior=stage.prior)
     stage.held_squares = np.maximum(stage.held_squares, 7 * squared)
-    known = replace(
-        gain,
-        coefficients=coefficients,
-        information=400 / amount**2 * np.eye(own.count),
-        held_out=squared,
-        prior=stage.prior,
-    )
     assert known.wald == pytest.approx(400)
     assert is_material(arm, stage, Weighed(known, 30.0)) == expected
 
@@ -271,12 +273,7 @@ def test_a_second_effect_of_a_joint_is_told_from_the_firsts_rest_by_its_size(
     stage.held_squares[0] = squared[0] / 0.6
     first = Stage.of(stage.ground, [])
     first.held_squares = 100 * stage.held_squares
-    known = replace(
-        stage.gain(own),
-        coefficients=amount * np.eye(own.count)[0],
-        information=400 / amount**2 * np.eye(own.count),
-        held_out=squared,
-    )
+    known = _certain(stage, own, amount, squared)
     best, rest = Weighed(known, 30.0), [Weighed(replace(known, candidate=other), 30.0)]
     assert is_main(arm, first, stage, best, {0}, rest) == expected
 

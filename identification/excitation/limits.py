@@ -155,15 +155,23 @@ def holding_torque(chain: Chain, parameters: Array, q: Array) -> Array:
     return np.abs(inverse_dynamics(chain, parameters, q, rest, rest)) + coulomb
 
 
+def missing_limits(limits: Limits) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which joints (n,) have no range of position, and which neither a torque limit nor the two of speed."""
+    no_range = ~(np.isfinite(limits.lower) & np.isfinite(limits.upper))
+    no_bound = ~np.isfinite(limits.torque) & ~np.isfinite(limits.velocity + limits.acceleration)
+    return no_range, no_bound
+
+
 def require_usable(chain: Chain, limits: Limits) -> None:
     """Raise InputError unless the limits are positive and bound every joint's motion.
 
     Every joint needs a finite position range, and a finite torque limit or else finite velocity and
     acceleration limits.
     """
+    no_range, no_bound = missing_limits(limits)
     for joint, name in enumerate(chain.joint_names):
         lower, upper = float(limits.lower[joint]), float(limits.upper[joint])
-        if not (np.isfinite(lower) and np.isfinite(upper)):
+        if no_range[joint]:
             raise InputError("limits", f"position range of {name}", "finite bounds", f"{lower} to {upper}")
         if not lower < upper:
             raise InputError("limits", f"position range of {name}", "lower < upper", f"{lower} to {upper}")
@@ -175,6 +183,6 @@ def require_usable(chain: Chain, limits: Limits) -> None:
         for kind, bound in bounds.items():
             if not bound > 0:
                 raise InputError("limits", f"{kind} limit of {name}", "a positive number", bound)
-        if not np.isfinite(bounds["torque"]) and not np.isfinite(bounds["velocity"] + bounds["acceleration"]):
+        if no_bound[joint]:
             expected = "a finite value, or finite velocity and acceleration limits instead"
             raise InputError("limits", f"torque limit of {name}", expected, "none")

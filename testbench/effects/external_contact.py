@@ -129,8 +129,9 @@ def pushes(runs: Sequence[Logged], joint: int, when: Sequence[list[tuple[int, in
     torque of the joint alone; at the end of the link, fixed in space) and in the profile (``stretch``). No
     window, no member; but one of ``recurring_push`` can be made.
     """
+    withstands = withstood(runs)
     members = tuple(
-        _member(runs, joint, when, kind, stretch)
+        _member(runs, joint, when, kind, stretch, withstands)
         for kind in (LINK_FORCE, WORLD_FORCE, JOINT_TORQUE, WORLD_FORCE_AT_END)
         for stretch in (ABRUPT, BELL)
     )
@@ -166,10 +167,13 @@ def _member(
     when: Sequence[list[tuple[int, int]]],
     kind: int,
     stretch: float,
+    withstands: Array,
 ) -> Member:
-    """A coefficient for every window, component of the load and profile of time, less what does not show."""
+    """A coefficient for every window, component of the load and profile of time, less what does not show.
+
+    withstands: of ``withstood``.
+    """
     rows = _rows(joint, kind)
-    withstands = withstood(runs)
     scale = withstands[list(rows)] / withstands.max()
     parts = []
     for index, (run, own) in enumerate(zip(runs, when, strict=True)):

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from identification.kinematics import kernel
 from identification.parameters import COULOMB as COULOMB_PARAMETER
-from identification.parameters import PER_JOINT
 from identification.parameters import VISCOUS as VISCOUS_PARAMETER
 
 from ..robot import Robot
@@ -123,11 +122,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
 def _cold(run: Logged, joint: int) -> Array:
     """Viscous and Coulomb friction (2,) that warmth takes its share of."""
-    fitted, nominal = (
-        values.reshape(run.joints, PER_JOINT)[joint, [VISCOUS_PARAMETER, COULOMB_PARAMETER]]
-        for values in (run.parameters, run.nominal)
-    )
-    return np.maximum(np.maximum(fitted, nominal / LARGEST_COEFFICIENT), 0.0)
+    table = np.maximum(run.table, run.nominal.reshape(run.table.shape) / LARGEST_COEFFICIENT)
+    return np.maximum(table[joint, [VISCOUS_PARAMETER, COULOMB_PARAMETER]], 0.0)
 
 
 def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
