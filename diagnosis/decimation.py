@@ -41,10 +41,10 @@ class DecimatingFilter:
         flat = columns.reshape(len(columns), -1)
         out = np.zeros((len(self.kept(len(columns))), flat.shape[1]))
         # An event's columns are zero most of the time.
-        shown = np.flatnonzero(flat.any(axis=1))
-        if len(shown):
-            first = max(-(-(int(shown[0]) - 2 * self.reach) // self.step), 0)
-            end = int(shown[-1]) // self.step + 1
+        begin, last = _extent(flat)
+        if begin <= last:
+            first = max(-(-(begin - 2 * self.reach) // self.step), 0)
+            end = last // self.step + 1
             _convolve(flat[first * self.step :], self.taps, self.step, out[first:end])
         return out.reshape(-1, *columns.shape[1:])
 
@@ -79,6 +79,17 @@ def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
     taps = response[3 * reach : 5 * reach + 1]
     taps = (taps + taps[::-1]) / 2
     return DecimatingFilter(taps / taps.sum(), decimation_step(sample_rate, cutoff))
+
+
+@njit("UniTuple(int64, 2)(float64[:, :])", cache=True, nogil=True, error_model="numpy")
+def _extent(x: Array) -> tuple[int, int]:
+    """The first and the last row that is not all zero; the last before the first where there is none."""
+    first, last = 0, x.shape[0] - 1
+    while first <= last and not np.any(x[first]):
+        first += 1
+    while last >= first and not np.any(x[last]):
+        last -= 1
+    return first, last
 
 
 # A sum of taps may be taken in any order that vectorises; compiled once, it is the same order every time.

@@ -93,6 +93,14 @@ def test_filters_of_several_bands_keep_the_same_samples() -> None:
         np.testing.assert_allclose(low_pass(constant), 1.0, rtol=1e-12)
 
 
+@pytest.mark.parametrize(("first", "end"), [(0, 30), (700, 760), (1970, 2000), (5, 5)])
+def test_what_is_zero_most_of_the_time_is_filtered_like_anything_else(first: int, end: int) -> None:
+    (low_pass,) = decimating_filters(RATE, np.array([20.0]))
+    event = np.zeros((2000, 2))
+    event[first:end, 1] = np.random.default_rng(0).normal(size=end - first)
+    np.testing.assert_allclose(low_pass(event), low_pass(event + 1.0) - 1.0, atol=1e-12)
+
+
 def test_a_recorded_run_of_eighteen_bits_keeps_its_band(robot: Robot) -> None:
     runs = [motion(run) for run in simulated_runs(robot, [], 1).values()]
     np.testing.assert_array_equal(joint_bands(robot, runs, 20.0).cutoff, 20.0)
