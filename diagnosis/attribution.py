@@ -23,6 +23,7 @@ from .folds import covered, covered_for
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .healthy import with_friction
+from .imperfections import of_one_joint
 from .likeliest_shapes import at_likeliest_shapes
 from .likelihood import Weighed, gained, weigh
 from .linearisation import RELINEARISED, TRANSMISSIONS, first_linearised, linearised_anew
@@ -32,7 +33,6 @@ from .naming import (
     as_fitted_at_last,
     is_dwarfed,
     judged_again,
-    of_one_joint,
     told_apart_at_last,
     without_one,
 )
@@ -152,8 +152,8 @@ def _grown(
     last = stage if hypothesis is stage.hypothesis else Stage(base, hypothesis, fitted)
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
-    accepted = of_one_joint(accepted, open_, last)
-    accepted = of_one_joint(told_apart_at_last(last, sized, accepted, weighed), open_, last)
+    accepted = of_one_joint(sized, accepted, open_, last)
+    accepted = of_one_joint(sized, told_apart_at_last(last, sized, accepted, weighed), open_, last)
     certain = [a.candidate for a in accepted if a.is_certain]
     sure = None if len(certain) == len(accepted) else Stage.of(base, certain)
     imitated = (*laws_of_position(original, last, accepted), *resonances(original, last, accepted))

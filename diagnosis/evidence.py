@@ -40,7 +40,7 @@ SCALE_PASSES, SCALE_CONVERGED = 30, 0.01
 LARGEST_INFLATION = 10.0
 # Deviation of a push, in units of the strongest joint's RMS torque.
 LARGEST_PUSH = 3.0
-DELAY, NO_TIMING = "torque_delay", 1e-6
+DELAY, NO_TIMING = "torque_delay", 1e-8
 # Seconds: torque and position are sampled less than this apart.
 LATE = 2.4e-3
 

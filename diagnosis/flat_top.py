@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
 from identification.inverse_dynamics import inverse_dynamics
 from testbench.effects import effect
@@ -26,8 +27,8 @@ LARGEST, BEYOND = 8, 0.02
 # A smooth peak has 2.4 times as many samples within its top as in what is as wide below it, and a plateau of
 # a slow sweep or of a constant acceleration may have any.
 FLAT, FEWEST, TIMES = 6.0, 15, 3
-# This share of what is short of its command is at the level.
-MOSTLY = 0.8
+# This share of what is short of its command is at the level. Seconds by which the two may be apart.
+MOSTLY, SKEW = 0.8, 1e-3
 # Seconds between one time at the limit and the next.
 APART = 0.05
 # A limit that the model has is no gap.
@@ -55,17 +56,29 @@ def _limit(runs: Sequence[Logged], joint: int, step: float) -> float | None:
     """N·m, or None where nothing is cut off, or by a limit that the model has. step: N·m, of the log."""
     commands = [run.torque_command for run in runs if run.torque_command is not None]
     if len(commands) == len(runs):
-        level = _cut_off([r.tau[:, joint] for r in runs], [each[:, joint] for each in commands], step)
+        torque = [run.tau[:, joint] for run in runs]
+        least = [
+            _asked_at_least(np.sign(own) * each[:, joint], run)
+            for own, each, run in zip(torque, commands, runs, strict=True)
+        ]
+        level = _cut_off(torque, least, step)
     else:
         top = _top([run.tau[:, joint] for run in runs], step)
         level = top.level if top is not None and _is_held_back(runs, joint, top) else None
     return level if level is not None and level <= OF_LIMIT * runs[0].limits.torque[joint] else None
 
 
-def _cut_off(torque: Sequence[Array], command: Sequence[Array], step: float) -> float | None:
-    """The level that torque stays at wherever far more was asked for; None where there is none."""
-    size = np.abs(np.concatenate(torque))
-    asked = np.sign(np.concatenate(torque)) * np.concatenate(command)
+def _asked_at_least(command: Array, run: Logged) -> Array:
+    """What was asked for, (N,) N·m, at whatever time near its own a sample was taken."""
+    return minimum_filter1d(command, 2 * int(SKEW * run.sample_rate) + 1)
+
+
+def _cut_off(torque: Sequence[Array], least: Sequence[Array], step: float) -> float | None:
+    """The level that torque stays at wherever far more was asked for; None where there is none.
+
+    least: (N,) N·m a run, what was asked for in the torque's direction.
+    """
+    size, asked = np.abs(np.concatenate(torque)), np.concatenate(least)
     width = max(DEVIATIONS * _noise(torque), SMALLEST_WIDTH * float(size.max()), step)
     short = asked - size > TIMES * width
     if np.sum(short) < FEWEST:

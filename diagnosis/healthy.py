@@ -115,8 +115,14 @@ def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, c
         and _number(quantities(candidate, coefficients)["time_constant"]) < OF_SAMPLE * candidate.sample_time
     ):
         return False
-    healthy = HEALTHY.get(name, HEALTHY_ELSE)
-    return size(robot, torque_scale, candidate, coefficients) > healthy
+    return times_healthy(robot, torque_scale, candidate, coefficients) > 1
+
+
+def times_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
+    """How many times the most that a healthy robot has of an effect; arguments as of ``size``."""
+    healthy = HEALTHY.get(candidate.family.effect, HEALTHY_ELSE)
+    largest = size(robot, torque_scale, candidate, coefficients)
+    return largest / healthy if healthy > 0 else np.inf * largest
 
 
 def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> bool:

@@ -5,7 +5,7 @@ where re-identification swallows it, when it spares the parameters a shift that 
 named when it is also larger than what every healthy robot has.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,17 @@ from testbench.robot import Robot
 
 from .candidates import Candidate
 from .evidence import DELAY, LATE
-from .healthy import BENDING, BRISTLES, ELASTIC, OF_THE_LOAD, SPRING, SPRINGS, is_beyond_healthy
+from .healthy import (
+    BENDING,
+    BRISTLES,
+    CABLE,
+    ELASTIC,
+    OF_THE_LOAD,
+    RIPPLE,
+    SPRING,
+    SPRINGS,
+    is_beyond_healthy,
+)
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
 from .linearisation import TRANSMISSIONS
 from .weighing import Gain, Stage
@@ -49,9 +59,15 @@ SECOND_TOLD: Mapping[str, tuple[float, float, float]] = {
 # Or this share of the torque, where it is certainly so many times beyond a healthy one: a law's rest looks
 # like springs and bristles of any size, but not like these.
 SECOND_LITTLE, SECOND_BEYOND = 0.005, 1.5
+# Every arm has cables: one that is no more than this share of what is left is certainly so many times a
+# healthy one, or has no name.
+CABLE_LEFT, CABLE_BEYOND = 0.6, 1.2
 # And the share of what is left there when it is taken in, or that multiple of log-likelihood: imperfections
 # that are no smaller would not let it be told from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
+# Or, of friction that its joint's parameters swallow, this share of what is left, and certainly so many times
+# a healthy joint's.
+SECOND_SWALLOWED, SECOND_FAR_BEYOND = 0.3, 3.0
 # But none of them looks like these; bristles are held against those of the other joints.
 UNLIKE = ("thermal_friction_drift", "encoder_eccentricity", BRISTLES)
 # Wald's statistic of an imperfection: what has less predicts well by chance.
@@ -92,6 +108,8 @@ OF_THE_JOINT = (
 OF_ENCODER = ("encoder_offset", "encoder_eccentricity")
 OBVIOUS: Mapping[str, tuple[tuple[float, float], ...]] = {
     **dict.fromkeys(OF_THE_JOINT, ((0.04, 0.5), (0.025, 0.8))),
+    # Teeth of a wrist's small gears may make as much of its torque.
+    RIPPLE: ((0.04, 0.5), (0.03, 0.8)),
     **dict.fromkeys(OF_ENCODER, ((0.005, 0.55),)),
 }
 # But it has this share of a healthy size: a coupling of inertia alone is no shared drive.
@@ -134,14 +152,14 @@ def is_main(
     first: Stage,
     stage: Stage,
     best: Weighed,
-    named: Collection[int | None],
+    firsts: Sequence[Candidate],
     rest: Sequence[Weighed],
 ) -> bool:
     """Whether it explains a fair part of some joint's residual of the first stage, re-identification's rest.
 
-    robot: that sizes are relative to. named: joints at which an effect has been named already. What a law
-    that is not quite the robot's leaves is at the same joint, and a good part of it can be imitated: a second
-    effect there must explain more. rest: what else the catalogue explains beside it.
+    robot: that sizes are relative to. firsts: effects that have been named already. What a law that is not
+    quite the robot's leaves is at the same joint, and a good part of it can be imitated: a second effect
+    there must explain more. rest: what else the catalogue explains beside it.
     """
     gain, family = best.gain, best.candidate.family
     shares = gain.held_out / np.maximum(first.held_squares, 1e-300)
@@ -151,18 +169,13 @@ def is_main(
         return False
     seen = (w for w in rest if w.candidate.family.joint != family.joint and w.gain.wald > SEEN)
     elsewhere = max((w.score for w in seen), default=0.0)
+    if family.effect == CABLE and _is_any_cable(robot, stage, gain):
+        return False
+    named = {joint for each in firsts for joint in (each.family.joint, each.family.into)}
     if family.joint is not None and family.joint in named:
-        torque = float(stage.torque_shares(gain)[family.joint])
-        left = float(stage.shares(gain)[family.joint])
-        if family.effect in SECOND_TOLD:
-            least_torque, least_left, least_wald = SECOND_TOLD[family.effect]
-            if torque > least_torque and left > least_left and gain.wald > least_wald:
-                return True
         prominent = best.score > SECOND_PROMINENT * elsewhere
-        is_rest = family.effect in (*SPRINGS, BRISTLES)
-        large = not is_rest and _is_certainly_beyond(robot, stage, gain, SECOND_BEYOND)
-        much = torque > (SECOND_LITTLE if large else SECOND_TORQUE) and left > SECOND_LEFT
-        return much or prominent or bool(shares[family.joint] > SECOND_SHARE)
+        enough = bool(shares[family.joint] > SECOND_SHARE)
+        return prominent or enough or _is_no_rest(robot, stage, gain, firsts)
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
     if family.effect in UNLIKE or _is_large(robot, stage, best):
@@ -171,6 +184,34 @@ def is_main(
     if family.joint is not None and own < STANDING_OUT and best.score < PROMINENT * elsewhere:
         return False
     return bool(np.any(shares > NAMED_SHARE))
+
+
+def _is_any_cable(robot: Robot, stage: Stage, gain: Gain) -> bool:
+    """Whether it is neither most of what is left at its joint nor certainly beyond every arm's cables."""
+    left = float(stage.shares(gain)[gain.candidate.family.joint])
+    return left < CABLE_LEFT and not _is_certainly_beyond(robot, stage, gain, CABLE_BEYOND)
+
+
+def _is_no_rest(robot: Robot, stage: Stage, gain: Gain, firsts: Sequence[Candidate]) -> bool:
+    """Whether a second effect of a joint is too much, or too far beyond a healthy one, for a law's rest."""
+    family, rows = gain.candidate.family, gain.candidate.member.rows
+    assert family.joint is not None
+    # What it does to joints that the first ones do nothing to is none either.
+    reached = {row for each in firsts for row in each.member.rows}
+    own = [family.joint, *(row for row in rows if row not in reached)]
+    most = own[int(np.argmax(stage.shares(gain)[own]))]
+    torque, left = float(stage.torque_shares(gain)[most]), float(stage.shares(gain)[most])
+    if family.effect in SECOND_TOLD:
+        least_torque, least_left, least_wald = SECOND_TOLD[family.effect]
+        if torque > least_torque and left > least_left and gain.wald > least_wald:
+            return True
+    is_swallowed = family.effect in (*SWALLOWED_FRICTION, BENDING)
+    seen = is_swallowed and torque > LITTLE_TORQUE and left > SECOND_SWALLOWED
+    if seen and _is_certainly_beyond(robot, stage, gain, SECOND_FAR_BEYOND):
+        return True
+    may_be_rest = family.effect in (*SPRINGS, BRISTLES)
+    large = not may_be_rest and _is_certainly_beyond(robot, stage, gain, SECOND_BEYOND)
+    return torque > (SECOND_LITTLE if large else SECOND_TORQUE) and left > SECOND_LEFT
 
 
 def _is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:

@@ -16,9 +16,9 @@ from .candidates import SATURATION
 from .evidence import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design, Fit, fitted_to, squares
 from .findings import Gap
 from .ground import Ground
-from .healthy import BRISTLES, SPRINGS, is_beyond_healthy, is_excessive
+from .healthy import is_beyond_healthy, is_excessive
 from .likelihood import Weighed, gained, gained_by_shift
-from .materiality import SMALLEST_SHARE, SMALLEST_WALD, is_main, is_obvious
+from .materiality import is_main, is_obvious
 from .round import Found
 from .unclaimed import NOTHING, Unclaimed
 from .weighing import Stage
@@ -27,18 +27,6 @@ Array = NDArray[np.float64]
 
 # A rival of this probability explains it as well.
 AS_WELL = 0.25
-# Friction that bends, teeth: of what so many other joints have some, this share of it each, or of
-# friction that differs by direction or with the load, is how this robot's joints are, not what one of them
-# has. And a spring that presses on its joint no more than the others' imperfections do may be made of those.
-# Unless what the parameters swallow of it spares them a shift of this log-likelihood.
-UNEVEN = ("stribeck_friction", "nonlinear_viscous_friction", "transmission_ripple")
-FRICTION = (*UNEVEN, BRISTLES, "asymmetric_friction", "load_dependent_friction")
-SUCH_JOINTS = 2
-ALIKE = ((UNEVEN, FRICTION, 0.38, np.inf), (SPRINGS, (*FRICTION, *SPRINGS), 0.8, 7.5))
-# Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: they
-# have a name where this Wald's statistic tells them, and so many times that of any other joint; or where they
-# are this share of what their joint leaves, or of its torque.
-BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.85, 0.015
 # Share of a joint's squared residual that half the motion tells for sure.
 NEARLY_ALL = 0.8
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
@@ -72,8 +60,8 @@ def accepted_as(
     beyond = obvious or all(is_beyond_healthy(sized, torque_rms, *s) for s in sizes)
     beyond = beyond and not is_excessive(sized, *sizes[0])
     # What a push leaves is where it was.
-    somewhere = {a.candidate.family.joint for a in before if a.named and not a.candidate.is_event}
-    main = is_main(sized, apart, stage, best, somewhere, rest)
+    firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
+    main = is_main(sized, apart, stage, best, firsts, rest)
     certain = found.is_certain(stage)
     samples = stage.independent[list(best.candidate.member.rows)]
     # Of an effect of the whole robot all joints tell.
@@ -156,60 +144,6 @@ def _judged_beside(
 def without_one(base: Ground, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
     """The hypothesis without one of its effects, fitted in full."""
     return fitted_to(base.prepared, [a.candidate for k, a in enumerate(accepted) if k != place])
-
-
-def of_one_joint(accepted: Sequence[Accepted], open_: Sequence[Weighed], last: Stage) -> list[Accepted]:
-    """What was taken in, without the names of what is hardly larger than several other joints' imperfections.
-
-    Largest first: what keeps its name is none of those. open_: what is not taken in. last: with all that is.
-    """
-    found, faults = list(accepted), set[int]()
-    for place in sorted(range(len(found)), key=lambda k: -found[k].worth):
-        item, joint = found[place], found[place].candidate.family.joint
-        if not item.named:
-            continue
-        rest = [each for k, each in enumerate(found) if k != place and k not in faults]
-        for kind, imperfections, share, shift in ALIKE:
-            if joint is not None and item.candidate.family.effect in kind and item.shift < shift:
-                others = np.sort(np.delete(_levels(imperfections, rest, open_, last), joint))
-                if len(others) >= SUCH_JOINTS and others[-SUCH_JOINTS] >= share * np.sqrt(item.worth):
-                    found[place] = replace(item, named=False, is_everywhere=True)
-        is_little = item.share < BRISTLES_SHARE and np.sqrt(item.worth) < BRISTLES_TORQUE
-        is_bristles = item.candidate.family.effect == BRISTLES
-        if is_bristles and is_little and not _bristles_alone(place, open_, last):
-            found[place] = replace(item, named=False, is_everywhere=True)
-        if found[place].named:
-            faults.add(place)
-    return found
-
-
-def _bristles_alone(place: int, open_: Sequence[Weighed], last: Stage) -> bool:
-    """Whether the last hypothesis's effect at this place, bristles, is far better seen than other joints'."""
-    accepted = zip(last.hypothesis.accepted, last.hypothesis.parts, strict=True)
-    seen = [(w.candidate.family, w.gain.wald) for w in open_]
-    seen += [(each.family, last.fitted.wald(part)) for each, part in accepted]
-    family, own = last.hypothesis.accepted[place].family, last.fitted.wald(last.hypothesis.parts[place])
-    others = [wald for each, wald in seen if each.effect == BRISTLES and each.joint != family.joint]
-    return own > max(BRISTLES_WALD, BRISTLES_ALONE * max(others, default=0.0))
-
-
-def _levels(
-    effects: Sequence[str], accepted: Sequence[Accepted], open_: Sequence[Weighed], last: Stage
-) -> Array:
-    """The largest of these effects at each joint, as a share of its RMS torque, (n,)."""
-    levels = np.zeros(last.prepared.joints)
-    for each in accepted:
-        if each.candidate.family.effect in effects:
-            joint = each.candidate.family.joint
-            levels[joint] = max(levels[joint], np.sqrt(each.worth))
-    for other in open_:
-        joint, gain = other.candidate.family.joint, other.gain
-        if other.candidate.family.effect not in effects or other.score <= 0:
-            continue
-        # Of many shapes, one fits a little of any noise.
-        if gain.wald > SMALLEST_WALD and last.shares(gain)[joint] > SMALLEST_SHARE:
-            levels[joint] = max(levels[joint], last.torque_shares(gain)[joint])
-    return levels
 
 
 def as_fitted_at_last(

@@ -124,6 +124,20 @@ def test_a_limit_shows_by_its_command_where_the_torque_rises_to_it_slowly(arm, l
     assert flat_tops(prepare(arm, {n: replace(r, torque_command=None) for n, r in runs.items()}), []) == []
 
 
+def test_a_limit_shows_by_a_restless_command_that_was_sampled_apart_from_the_torque(arm, limit):
+    """Where the command leaps from sample to sample, torque a sample late is short of it at any level."""
+    runs, rng = _delivered(arm, limit, True), np.random.default_rng(3)
+    for name, run in runs.items():
+        assert run.torque_command is not None
+        leaps = np.where(np.arange(len(run.time)) // 4 % 2, 0.3, -0.3) * limit
+        command = run.torque_command.copy()
+        command[:, 1] += leaps
+        torque = np.roll(np.clip(command[:, 1], -limit, limit), 1) + rng.normal(0, 0.01, len(run.time))
+        runs[name] = replace(run, torque=np.column_stack([run.torque[:, 0], torque]), torque_command=command)
+    (found,) = flat_tops(prepare(arm, runs), [])
+    assert found.member.shape["limit"] == pytest.approx(limit, rel=0.002)
+
+
 @pytest.mark.parametrize("levels", [3.3, 7.4, 12.4])
 def test_the_steps_of_a_coarse_log_are_no_limit(arm, levels):
     """A torque of few levels stays at the highest one while all else changes."""

@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis.candidates import candidates
 from diagnosis.delay import likeliest_delay
-from diagnosis.evidence import fitted_to, squares
+from diagnosis.evidence import fit, fitted_to, squares
 from diagnosis.linearisation import first_linearised, linearised_anew
 from diagnosis.preparation import prepare
 from testbench.effects import parse_injection
@@ -33,6 +33,14 @@ def test_a_delay_is_found_whether_or_not_the_controller_shakes(arm, delay):
     found, _ = likeliest_delay(*fitted_to(prepared, []))
     # A fifth of a sample: position and torque are sampled that much apart already.
     assert found == pytest.approx(delay, abs=0.2 / prepared.runs[0].logged.sample_rate)
+
+
+def test_beside_a_delay_the_log_is_not_late_as_well(arm):
+    """However little noise there is, and however far the delay that is tried is from the robot's."""
+    prepared = prepare(arm, _runs(arm, "torque_delay::delay=0.03"))
+    hypothesis, fitted = fitted_to(prepared, candidates(prepared, only=["torque_delay"])[:1])
+    sure = fit(prepared, hypothesis, like=replace(fitted, weights=1e4 * fitted.weights))
+    assert abs(sure.values[hypothesis.parameters - 1]) < 1e-6
 
 
 @pytest.mark.parametrize("delay", [0.008, 0.016, 0.025])

@@ -18,6 +18,7 @@ from identification.parameters import COULOMB, MASS
 from testbench.effects import effect, parse_injection
 from testbench.effects.size import scale_of, typical_range
 
+from .certain_gain import certain, healthy_stage
 from .diagnosed import measured_only, simulated_runs
 from .small_arm import ARM, SCARA, small_arm
 
@@ -207,16 +208,6 @@ def test_a_lag_that_makes_most_of_a_joints_error_is_a_drives_however_slow_the_lo
     assert named == [("actuator_lag", 0)]
 
 
-def _certain(stage, own, amount, squared):
-    """A candidate's gain, twenty deviations from zero, that takes so much off the held-out squares."""
-    return replace(
-        stage.gain(own),
-        coefficients=amount * np.eye(own.count)[0],
-        information=400 / amount**2 * np.eye(own.count),
-        held_out=squared,
-    )
-
-
 @pytest.mark.parametrize(
     ("name", "amount", "encoders", "expected"),
     [
@@ -240,42 +231,10 @@ def test_what_leaves_little_is_judged_by_its_size(tmp_path, name, amount, encode
     own = next(c for c in candidates(stage.prepared, only=[name]) if c.family.joint == 0)
     # It is certain, a seventh of the rest and .3 % of the torque.
     squared = np.array([little[0] ** 2 * stage.counts[0], 0.0])
-    known = replace(_certain(stage, own, amount, squared), prior=stage.prior)
+    known = replace(certain(stage, own, amount, squared), prior=stage.prior)
     stage.held_squares = np.maximum(stage.held_squares, 7 * squared)
     assert known.wald == pytest.approx(400)
     assert is_material(arm, stage, Weighed(known, 30.0)) == expected
-
-
-def _healthy(arm, name):
-    """The stage of runs without a fault, and the first candidate of this effect at each joint."""
-    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
-    every = candidates(prepared, only=[name])
-    of_joints = [next(c for c in every if c.family.joint == joint) for joint in range(arm.joints)]
-    return Stage.of(ground(prepared), []), of_joints
-
-
-@pytest.mark.parametrize(
-    ("name", "amount", "expected"),
-    [
-        ("transmission_ripple", 3.0, True),
-        ("transmission_ripple", 0.12, False),
-        # A law's rest looks like a spring of any stiffness.
-        ("cable_spring", 30.0, False),
-    ],
-)
-def test_a_second_effect_of_a_joint_is_told_from_the_firsts_rest_by_its_size(
-    tmp_path, name, amount, expected
-):
-    arm = small_arm(tmp_path)
-    stage, (own, other) = _healthy(arm, name)
-    # It is certain, six tenths of what is left there and 1 % of the torque; of the first rest it is little.
-    squared = np.array([(0.01 * stage.ground.torque_rms[0]) ** 2 * stage.counts[0], 0.0])
-    stage.held_squares[0] = squared[0] / 0.6
-    first = Stage.of(stage.ground, [])
-    first.held_squares = 100 * stage.held_squares
-    known = _certain(stage, own, amount, squared)
-    best, rest = Weighed(known, 30.0), [Weighed(replace(known, candidate=other), 30.0)]
-    assert is_main(arm, first, stage, best, {0}, rest) == expected
 
 
 @pytest.mark.parametrize(
@@ -291,7 +250,7 @@ def test_a_small_offset_of_the_torque_that_shows_in_the_parameters_alone_may_be_
     tmp_path, name, share, amount, expected
 ):
     arm = small_arm(tmp_path)
-    stage, (own, _) = _healthy(arm, name)
+    stage, (own, _) = healthy_stage(arm, name)
     taken_up = replace(
         stage.gain(own),
         overlap=0.95,
@@ -311,7 +270,7 @@ def test_an_encoder_whose_error_is_most_of_what_is_left_is_at_fault_however_smal
     tmp_path, name, share, expected
 ):
     arm = small_arm(tmp_path)
-    stage, (own, _) = _healthy(arm, name)
+    stage, (own, _) = healthy_stage(arm, name)
     # A hundredth of the joint's torque.
     squared = (0.01 * stage.ground.torque_rms[0]) ** 2 * stage.counts[0]
     stage.held_squares[0] = squared / share

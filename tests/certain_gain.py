@@ -1,0 +1,30 @@
+"""Gains of a candidate as a test wants them, on the runs of an arm without a fault."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.candidates import candidates
+from diagnosis.ground import ground
+from diagnosis.preparation import prepare
+from diagnosis.weighing import Stage
+
+from .diagnosed import simulated_runs
+
+
+def certain(stage, own, amount, squared):
+    """A candidate's gain, twenty deviations from zero, that takes so much off the held-out squares."""
+    return replace(
+        stage.gain(own),
+        coefficients=amount * np.eye(own.count)[0],
+        information=400 / amount**2 * np.eye(own.count),
+        held_out=squared,
+    )
+
+
+def healthy_stage(arm, name):
+    """The stage of runs without a fault, and the first candidate of this effect at each joint."""
+    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
+    every = candidates(prepared, only=[name])
+    of_joints = [next(c for c in every if c.family.joint == joint) for joint in range(arm.joints)]
+    return Stage.of(ground(prepared), []), of_joints

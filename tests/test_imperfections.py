@@ -1,0 +1,105 @@
+"""What several joints of a robot show alike is how its joints are, and no one joint's effect."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.accepted import Accepted
+from diagnosis.candidates import Candidate
+from diagnosis.diagnose import diagnose
+from diagnosis.findings import Diagnosis
+from diagnosis.healthy import times_healthy
+from diagnosis.imperfections import of_one_joint
+from diagnosis.likelihood import Weighed
+from diagnosis.report.words import everywhere
+from diagnosis.weighing import Stage
+from testbench.effects import parse_injection
+from testbench.robot import Robot
+
+from .certain_gain import certain, healthy_stage
+from .diagnosed import simulated_runs
+from .small_arm import SCARA, small_arm
+
+# N·m·s²/rad² (N·s²/m²) that bend each joint's friction about as much, by its own torque.
+BENT = {"turn": 1.2, "fold": 0.45, "lift": 90.0}
+
+
+@pytest.fixture(scope="module")
+def scara(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return small_arm(tmp_path_factory.mktemp("scara"), SCARA)
+
+
+def _diagnosed(robot: Robot, text: str, values: Mapping[str, float]) -> Diagnosis:
+    """Of a robot with this effect at some joints. values: by joint; none has it where that is zero."""
+    faults = [parse_injection(robot, text.format(*each)) for each in values.items() if each[1] > 0]
+    return diagnose(robot, simulated_runs(robot, faults, runs=3))
+
+
+@pytest.mark.parametrize(("others", "named"), [(0.0, [1]), (0.4, [0, 1, 2]), (1.0, [])])
+def test_friction_that_bends_hardly_more_than_at_other_joints_is_no_joints_effect(scara, others, named):
+    # A joint that has far more is not among those that the others are held against.
+    shares = {"turn": others, "fold": 1.0, "lift": others}
+    bends = {joint: share * BENT[joint] for joint, share in shares.items()}
+    found = _diagnosed(scara, "nonlinear_viscous_friction:{}:coefficient={},exponent=2", bends)
+    assert sorted(each.joint for each in found.effects) == named
+    assert bool(everywhere(found)) == (not named)
+    assert {name for name, _ in found.everywhere} <= {"nonlinear_viscous_friction", "stribeck_friction"}
+    if not named:
+        assert found.verdict == "parameters"
+
+
+@pytest.mark.parametrize(("others", "named"), [(0.0, [1]), (2.5, []), (0.7, [0, 1])])
+def test_bristles_have_a_name_where_other_joints_have_none_or_they_are_all_that_is_left(scara, others, named):
+    # N·m/rad, of bristles that give way with all of the joint's Coulomb friction.
+    stiff = {"fold": 1500 if others > 1 else 1000, "turn": 2000 * others}
+    found = _diagnosed(scara, "presliding_hysteresis:{}:stiffness={}", stiff)
+    assert sorted(each.joint for each in found.effects) == named
+    assert {each.effect for each in found.effects} <= {"presliding_hysteresis"}
+
+
+def _is_of_one(robot: Robot, name: str, times: float, torque: float, others: tuple[str, float]) -> bool:
+    """Whether an effect of the first joint keeps its name beside others' imperfections of the same torque.
+
+    times: how many times a healthy joint's. others: an effect, and how many times.
+    """
+    base, (own, *_) = healthy_stage(robot, name)
+    _, elsewhere = healthy_stage(robot, others[0])
+
+    def amount(candidate: Candidate, wanted: float) -> float:
+        unit = times_healthy(robot, base.ground.torque_rms, candidate, np.eye(candidate.count)[0])
+        # Bristles are the worse the softer they are.
+        return unit / wanted if candidate.family.effect == "presliding_hysteresis" else wanted / unit
+
+    hypothesis, fitted = base.with_effects([own])
+    values, covariance = fitted.values.copy(), fitted.covariance.copy()
+    (part,) = hypothesis.parts
+    values[part] = amount(own, times) * np.eye(own.count)[0]
+    covariance[part, part] = amount(own, times) ** 2 / 400 * np.eye(own.count)
+    last = Stage(base.ground, hypothesis, replace(fitted, values=values, covariance=covariance))
+    squared = (torque * base.ground.torque_rms) ** 2 * base.counts
+    last.held_squares = 2 * squared
+    open_ = [
+        Weighed(certain(base, each, amount(each, others[1]), squared * np.eye(robot.joints)[joint]), 30.0)
+        for joint, each in enumerate(elsewhere)
+        if joint > 0
+    ]
+    item = Accepted(own, 1.0, (), score=300.0, share=0.9, worth=torque**2)
+    (found,) = of_one_joint(robot, [item], open_, last)
+    assert found.named != found.is_everywhere
+    return found.named
+
+
+@pytest.mark.parametrize(
+    ("times", "others", "named"), [(3.0, 0.5, True), (3.0, 2.5, False), (1.8, 0.5, False)]
+)
+def test_stribeck_friction_far_beyond_the_other_joints_friction_is_one_joints(scara, times, others, named):
+    assert _is_of_one(scara, "stribeck_friction", times, 0.01, ("transmission_ripple", others)) == named
+
+
+@pytest.mark.parametrize(("others", "named"), [(1.5, False), (0.5, True)])
+def test_bristles_that_two_other_joints_have_as_large_are_no_one_joints(scara, others, named):
+    assert _is_of_one(scara, "presliding_hysteresis", 1.2, 0.01, ("presliding_hysteresis", others)) == named
+    # But for those that are much of its torque.
+    assert _is_of_one(scara, "presliding_hysteresis", 1.2, 0.03, ("presliding_hysteresis", others))

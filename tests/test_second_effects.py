@@ -1,0 +1,116 @@
+"""What is worth a name at a joint that has an effect already, and what every arm has."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.candidates import candidates
+from diagnosis.healthy import times_healthy
+from diagnosis.likelihood import Weighed
+from diagnosis.materiality import is_main
+from diagnosis.weighing import Stage
+
+from .certain_gain import certain, healthy_stage
+from .small_arm import small_arm
+
+
+@pytest.mark.parametrize(
+    ("name", "amount", "expected"),
+    [
+        ("transmission_ripple", 3.0, True),
+        ("transmission_ripple", 0.12, False),
+        # A law's rest looks like a spring of any stiffness.
+        ("cable_spring", 30.0, False),
+    ],
+)
+def test_a_second_effect_of_a_joint_is_told_from_the_firsts_rest_by_its_size(
+    tmp_path, name, amount, expected
+):
+    arm = small_arm(tmp_path)
+    stage, (own, other) = healthy_stage(arm, name)
+    # It is certain, six tenths of what is left there and 1 % of the torque; of the first rest it is little.
+    squared = np.array([(0.01 * stage.ground.torque_rms[0]) ** 2 * stage.counts[0], 0.0])
+    stage.held_squares[0] = squared[0] / 0.6
+    first = Stage.of(stage.ground, [])
+    first.held_squares = 100 * stage.held_squares
+    known = certain(stage, own, amount, squared)
+    best, rest = Weighed(known, 30.0), [Weighed(replace(known, candidate=other), 30.0)]
+    (named,) = candidates(stage.prepared, only=["stribeck_friction"])[:1]
+    assert is_main(arm, first, stage, best, [named], rest) == expected
+
+
+def _of_size(arm, stage, own, times, torque, left):
+    """A certain gain, so many times a healthy joint's; its shares of its joint's torque and rest."""
+    unit = np.eye(own.count)[0]
+    joint = own.family.joint
+    squared = (torque * stage.ground.torque_rms[joint]) ** 2 * stage.counts[joint] * np.eye(arm.joints)[joint]
+    stage.held_squares[joint] = squared[joint] / left
+    amount = times / times_healthy(arm, stage.ground.torque_rms, own, unit)
+    return certain(stage, own, amount, squared)
+
+
+def _is_named(arm, stage, gain, firsts, before=100.0):
+    """Beside as much at another joint. before: what re-identification left, in what is left now."""
+    first = Stage.of(stage.ground, [])
+    first.held_squares = before * stage.held_squares
+    friction = candidates(stage.prepared, only=["stribeck_friction"])
+    other = next(c for c in friction if c.family.joint != gain.candidate.family.joint)
+    rest = [Weighed(replace(gain, candidate=other), 30.0)]
+    return is_main(arm, first, stage, Weighed(gain, 30.0), firsts, rest)
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "left", "expected"),
+    [
+        ("asymmetric_friction", 5.0, 0.34, True),
+        ("asymmetric_friction", 2.0, 0.34, False),
+        ("asymmetric_friction", 5.0, 0.2, False),
+        ("stribeck_friction", 5.0, 0.34, False),
+    ],
+)
+def test_much_friction_that_the_parameters_swallow_is_no_rest_of_a_joints_first_effect(
+    tmp_path, name, times, left, expected
+):
+    arm = small_arm(tmp_path)
+    stage, (own, _) = healthy_stage(arm, name)
+    ripple = next(c for c in candidates(stage.prepared, only=["transmission_ripple"]) if c.family.joint == 0)
+    gain = _of_size(arm, stage, own, times, 0.0025, left)
+    assert _is_named(arm, stage, gain, [ripple]) == expected
+
+
+def test_a_coupling_leaves_a_rest_at_both_of_its_joints(tmp_path):
+    arm = small_arm(tmp_path)
+    stage, (_, own) = healthy_stage(arm, "asymmetric_friction")
+    gain = _of_size(arm, stage, own, 2.0, 0.0025, 0.34)
+    coupling = candidates(stage.prepared, only=["joint_coupling"])[0]
+    assert (coupling.family.joint, coupling.family.into) == (0, 1)
+    assert not _is_named(arm, stage, gain, [coupling])
+    assert _is_named(arm, stage, gain, [], before=1.0)
+
+
+@pytest.mark.parametrize(
+    ("first", "expected"), [("load_dependent_friction", True), ("joint_elasticity", False)]
+)
+def test_what_a_second_effect_does_to_joints_that_the_first_leaves_alone_is_no_rest(
+    tmp_path, first, expected
+):
+    arm = small_arm(tmp_path)
+    stage, (own, _) = healthy_stage(arm, "encoder_offset")
+    (named,) = [c for c in candidates(stage.prepared, only=[first]) if c.family.joint == 0][:1]
+    assert (1 in named.member.rows) != expected
+    gain = _of_size(arm, stage, own, 2.0, 0.0005, 0.02)
+    at_the_other = gain.held_out[0] * np.array([1.0, 0.0])
+    at_the_other[1] = (0.01 * stage.ground.torque_rms[1]) ** 2 * stage.counts[1]
+    stage.held_squares[1] = at_the_other[1] / 0.8
+    assert _is_named(arm, stage, replace(gain, held_out=at_the_other), [named]) == expected
+
+
+@pytest.mark.parametrize(
+    ("times", "left", "expected"), [(2.0, 0.25, True), (1.3, 0.25, False), (1.3, 0.9, True)]
+)
+def test_a_cable_that_is_little_of_the_rest_is_beyond_what_every_arm_has(tmp_path, times, left, expected):
+    arm = small_arm(tmp_path)
+    stage, (own, _) = healthy_stage(arm, "cable_spring")
+    gain = replace(_of_size(arm, stage, own, times, 0.005, left), overlap=0.99)
+    assert _is_named(arm, stage, gain, [], before=1.0) == expected
