@@ -40,6 +40,9 @@ DENSE = 2.0
 # What is less than this share of the step in which torque is logged is rounding, not white but a function of
 # the torque: 1 / sqrt(12), and a fifth more.
 QUANTISED = 0.35
+# What as many coefficients fit by chance has this Wald's statistic at most, in its standard deviations: where
+# parameters are extrapolated, a function of run time may seem to foretell what all runs do not fit.
+BY_CHANCE = 3.0
 # A period counts from so many times the share that chance gives one.
 MORE_THAN_CHANCE = 2.0
 WORSE = 0.1
@@ -103,6 +106,9 @@ def _of_free_functions(first: Stage, last: Stage, free: Bank) -> Iterator[Unclai
     for weighed in weigh(last, free):
         joint = weighed.candidate.family.joint
         assert joint is not None
+        count = weighed.candidate.count
+        if weighed.gain.wald < count + BY_CHANCE * np.sqrt(2 * count):
+            continue
         regime = weighed.candidate.family.effect.removeprefix(FREE)
         yield from _if_enough(first, last, joint, regime, float(weighed.gain.held_out[joint]))
 

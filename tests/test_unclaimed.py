@@ -7,9 +7,11 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from diagnosis.bank import Bank
+from diagnosis.candidates import FREE
 from diagnosis.evidence import fitted_to
-from diagnosis.generic import generic_candidates
+from diagnosis.generic import RUN_TIME, generic_candidates
 from diagnosis.ground import ground
+from diagnosis.likelihood import Weighed
 from diagnosis.preparation import prepare
 from diagnosis.unclaimed import NOTHING, unclaimed
 from diagnosis.weighing import Stage
@@ -44,6 +46,25 @@ def test_noise_is_nothing_however_large(tmp_path):
     found, left = _unclaimed(arm, simulated_runs(arm, [], runs=3, noise=6.0))
     assert left.max() > 0.05
     assert found == ()
+
+
+@pytest.mark.parametrize(("wald", "expected"), [(25.0, False), (60.0, True)])
+def test_a_function_that_all_runs_fit_by_chance_foretells_by_chance(tmp_path, monkeypatch, wald, expected):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=3))
+    stage, free = Stage(ground(prepared), *fitted_to(prepared, [])), generic_candidates(prepared)
+    own = next(c for c in free if c.family.effect == FREE + RUN_TIME and c.family.joint == 0)
+    assert 10 < own.count < wald
+    stage.held_squares = (0.1 * stage.ground.torque_rms) ** 2 * stage.counts
+    gain = replace(
+        stage.gain(own),
+        coefficients=np.eye(own.count)[0],
+        information=wald * np.eye(own.count),
+        held_out=np.array([0.4, 0.0]) * stage.held_squares,
+    )
+    monkeypatch.setattr("diagnosis.unclaimed.weigh", lambda *_: [Weighed(gain, 50.0)])
+    found = unclaimed(stage, stage, Bank(stage.ground, free))
+    assert ((0, RUN_TIME) in [(each.joint, each.regime) for each in found]) == expected
 
 
 @pytest.mark.parametrize(("noise", "heavier_by"), [(0.05, 1.0), (4.0, 0.15), (6.0, 0.2)])
