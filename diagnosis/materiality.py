@@ -171,11 +171,14 @@ def is_main(
     elsewhere = max((w.score for w in seen), default=0.0)
     if family.effect == CABLE and _is_any_cable(robot, stage, gain):
         return False
-    named = {joint for each in firsts for joint in (each.family.joint, each.family.into)}
-    if family.joint is not None and family.joint in named:
+    named, coupled = {each.family.joint for each in firsts}, {each.family.into for each in firsts}
+    if family.joint is not None and family.joint in named | coupled:
         prominent = best.score > SECOND_PROMINENT * elsewhere
         enough = bool(shares[family.joint] > SECOND_SHARE)
-        return prominent or enough or _is_no_rest(robot, stage, gain, firsts)
+        is_second = prominent or enough or _is_no_rest(robot, stage, gain, firsts)
+        # At a coupling's other joint it must be as much as anywhere, too.
+        if family.joint in named or not is_second:
+            return is_second
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
     if family.effect in UNLIKE or _is_large(robot, stage, best):
