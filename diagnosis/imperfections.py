@@ -29,8 +29,8 @@ ALIKE = ((UNEVEN, FRICTION, 0.38, np.inf), (SPRINGS, (*FRICTION, *SPRINGS), 0.8,
 # as the other joints' friction: of a joint that carries little torque, a little of it is more.
 ONE_JOINTS, FAR_BEYOND, TWICE = "stribeck_friction", 2.0, 2.0
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: they
-# have a name where this Wald's statistic tells them, and so many times that of any other joint; or where they
-# are this share of what their joint leaves and not of the same size elsewhere, or this share of its torque.
+# have a name where they are this share of their joint's torque; or where others are not surely as large and
+# Wald's statistic tells them, so many times that of any other joint, or they are this share of the rest.
 BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.85, 0.015
 
 
@@ -108,10 +108,10 @@ def _are_bristles_of_one(
     own, part = last.hypothesis.accepted[place], last.hypothesis.parts[place]
     times, wald = _times(robot, last, own, last.fitted.values[part]), last.fitted.wald(part)
     bristles = [each for each in others if each.effect == BRISTLES]
-    as_large = [each for each in bristles if each.wald > BRISTLES_WALD and each.times >= times]
-    if item.share > BRISTLES_SHARE and len(as_large) < SUCH_JOINTS:
-        return True
-    return wald > max(BRISTLES_WALD, BRISTLES_ALONE * max((each.wald for each in bristles), default=0.0))
+    if sum(each.wald > BRISTLES_WALD and each.times >= times for each in bristles) >= SUCH_JOINTS:
+        return False
+    most = max((each.wald for each in bristles), default=0.0)
+    return item.share > BRISTLES_SHARE or wald > max(BRISTLES_WALD, BRISTLES_ALONE * most)
 
 
 def _levels(
