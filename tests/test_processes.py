@@ -10,10 +10,12 @@ import pytest
 from testbench.cli import main
 from testbench.processes import process_pool
 
+# What a shell runs in the background ignores interrupts, and so would the program.
 AT_WORK = """
-import os, time
+import os, signal, time
 from testbench.processes import process_pool
 
+signal.signal(signal.SIGINT, signal.default_int_handler)
 with process_pool(2) as pool:
     pool.submit(os.getpid).result()
     asleep = [pool.submit(time.sleep, 300) for _ in range(3)]
