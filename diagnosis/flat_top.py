@@ -54,31 +54,18 @@ def flat_tops(prepared: Prepared, known: Sequence[int | None]) -> list[Candidate
 
 def _limit(runs: Sequence[Logged], joint: int, step: float) -> float | None:
     """N·m, or None where nothing is cut off, or by a limit that the model has. step: N·m, of the log."""
-    commands = [run.torque_command for run in runs if run.torque_command is not None]
-    if len(commands) == len(runs):
-        torque = [run.tau[:, joint] for run in runs]
-        least = [
-            _asked_at_least(np.sign(own) * each[:, joint], run)
-            for own, each, run in zip(torque, commands, runs, strict=True)
-        ]
-        level = _cut_off(torque, least, step)
+    if all(run.torque_command is not None for run in runs):
+        level = _cut_off(runs, joint, step)
     else:
         top = _top([run.tau[:, joint] for run in runs], step)
         level = top.level if top is not None and _is_held_back(runs, joint, top) else None
     return level if level is not None and level <= OF_LIMIT * runs[0].limits.torque[joint] else None
 
 
-def _asked_at_least(command: Array, run: Logged) -> Array:
-    """What was asked for, (N,) N·m, at whatever time near its own a sample was taken."""
-    return minimum_filter1d(command, 2 * int(SKEW * run.sample_rate) + 1)
-
-
-def _cut_off(torque: Sequence[Array], least: Sequence[Array], step: float) -> float | None:
-    """The level that torque stays at wherever far more was asked for; None where there is none.
-
-    least: (N,) N·m a run, what was asked for in the torque's direction.
-    """
-    size, asked = np.abs(np.concatenate(torque)), np.concatenate(least)
+def _cut_off(runs: Sequence[Logged], joint: int, step: float) -> float | None:
+    """The level that torque stays at wherever far more was asked for; None where there is none."""
+    torque = [run.tau[:, joint] for run in runs]
+    size, asked = np.abs(np.concatenate(torque)), np.concatenate([_asked(run, joint) for run in runs])
     width = max(DEVIATIONS * _noise(torque), SMALLEST_WIDTH * float(size.max()), step)
     short = asked - size > TIMES * width
     if np.sum(short) < FEWEST:
@@ -87,6 +74,13 @@ def _cut_off(torque: Sequence[Array], least: Sequence[Array], step: float) -> fl
     at_level = np.mean(np.abs(size[short] - level) <= width)
     beyond = np.sum(size > level + width)
     return level if at_level > MOSTLY and beyond <= BEYOND * np.sum(short) else None
+
+
+def _asked(run: Logged, joint: int) -> Array:
+    """What was asked for in the torque's direction, (N,) N·m, at the least around each sample's time."""
+    assert run.torque_command is not None
+    command = np.sign(run.tau[:, joint]) * run.torque_command[:, joint]
+    return minimum_filter1d(command, 2 * int(SKEW * run.sample_rate) + 1)
 
 
 def _noise(torque: Sequence[Array]) -> float:

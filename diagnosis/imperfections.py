@@ -44,74 +44,76 @@ def of_one_joint(
     """
     found, faults = list(accepted), set[int]()
     for place in sorted(range(len(found)), key=lambda k: -found[k].worth):
-        item, joint = found[place], found[place].candidate.family.joint
+        item = found[place]
         if not item.named:
             continue
         rest = [each for k, each in enumerate(found) if k != place and k not in faults]
-        others = _seen_elsewhere(robot, joint, open_, last)
-        for kind, imperfections, share, shift in ALIKE:
-            if joint is not None and item.candidate.family.effect in kind and item.shift < shift:
-                levels = np.sort(np.delete(_levels(imperfections, rest, open_, last), joint))
-                as_large = len(levels) >= SUCH_JOINTS and levels[-SUCH_JOINTS] >= share * np.sqrt(item.worth)
-                if as_large and not _is_of_one(robot, place, others, last):
-                    found[place] = replace(item, named=False, is_everywhere=True)
-        is_bristles = item.candidate.family.effect == BRISTLES
-        if is_bristles and not _are_bristles_of_one(robot, place, item, others, last):
+        is_imperfection = _is_hardly_larger(item, rest, open_, last)
+        is_imperfection = is_imperfection and not _is_of_one(robot, place, open_, last)
+        if is_imperfection or _are_bristles_of_all(robot, place, item, open_, last):
             found[place] = replace(item, named=False, is_everywhere=True)
-        if found[place].named:
+        else:
             faults.add(place)
     return found
+
+
+def _is_hardly_larger(
+    item: Accepted, rest: Sequence[Accepted], open_: Sequence[Weighed], last: Stage
+) -> bool:
+    """Whether several other joints have as much, of their own torque, of what it may be made of."""
+    joint = item.candidate.family.joint
+    for kind, imperfections, share, shift in ALIKE:
+        if joint is not None and item.candidate.family.effect in kind and item.shift < shift:
+            levels = np.sort(np.delete(_levels(imperfections, rest, open_, last), joint))
+            if len(levels) >= SUCH_JOINTS and levels[-SUCH_JOINTS] >= share * np.sqrt(item.worth):
+                return True
+    return False
 
 
 @dataclass(frozen=True)
 class _Seen:
     """An effect, taken in or not: how many times what a healthy joint has, and Wald's statistic."""
 
-    effect: str
     times: float
     wald: float
 
 
-def _seen_elsewhere(robot: Robot, joint: int | None, open_: Sequence[Weighed], last: Stage) -> list[_Seen]:
-    """What is seen of effects at the other joints."""
+def _seen(
+    robot: Robot, place: int, effects: Sequence[str], open_: Sequence[Weighed], last: Stage
+) -> tuple[_Seen, list[_Seen]]:
+    """The last hypothesis's effect at this place, and what is seen of some effects at the other joints."""
+
+    def seen(candidate: Candidate, values: Array, wald: float) -> _Seen:
+        return _Seen(times_healthy(robot, last.ground.torque_rms, candidate, values), wald)
+
     parts = zip(last.hypothesis.accepted, last.hypothesis.parts, strict=True)
-    seen = [(each, last.fitted.values[part], last.fitted.wald(part)) for each, part in parts]
-    seen += [(w.candidate, w.gain.coefficients, w.gain.wald) for w in open_]
-    return [
-        _Seen(each.family.effect, _times(robot, last, each, values), wald)
-        for each, values, wald in seen
-        if each.family.joint not in (None, joint)
-    ]
+    every = [(each, last.fitted.values[part], last.fitted.wald(part)) for each, part in parts]
+    own = every[place]
+    every += [(w.candidate, w.gain.coefficients, w.gain.wald) for w in open_]
+    elsewhere = [each for each in every if each[0].family.joint not in (None, own[0].family.joint)]
+    return seen(*own), [seen(*each) for each in elsewhere if each[0].family.effect in effects]
 
 
-def _times(robot: Robot, last: Stage, candidate: Candidate, values: Array) -> float:
-    return times_healthy(robot, last.ground.torque_rms, candidate, values)
-
-
-def _is_of_one(robot: Robot, place: int, others: Sequence[_Seen], last: Stage) -> bool:
+def _is_of_one(robot: Robot, place: int, open_: Sequence[Weighed], last: Stage) -> bool:
     """Whether the last hypothesis's effect here is Stribeck friction far beyond the other joints'."""
-    own, part = last.hypothesis.accepted[place], last.hypothesis.parts[place]
-    if own.family.effect != ONE_JOINTS:
+    if last.hypothesis.accepted[place].family.effect != ONE_JOINTS:
         return False
-    times, wald = _times(robot, last, own, last.fitted.values[part]), last.fitted.wald(part)
-    friction = [each for each in others if each.effect in FRICTION and each.effect != BRISTLES]
-    most = max((each.times for each in friction if each.wald > SMALLEST_WALD), default=0.0)
-    return times * (1 - BEYOND / np.sqrt(wald)) > FAR_BEYOND and times > TWICE * most
+    own, others = _seen(robot, place, [each for each in FRICTION if each != BRISTLES], open_, last)
+    most = max((each.times for each in others if each.wald > SMALLEST_WALD), default=0.0)
+    return own.times * (1 - BEYOND / np.sqrt(own.wald)) > FAR_BEYOND and own.times > TWICE * most
 
 
-def _are_bristles_of_one(
-    robot: Robot, place: int, item: Accepted, others: Sequence[_Seen], last: Stage
+def _are_bristles_of_all(
+    robot: Robot, place: int, item: Accepted, open_: Sequence[Weighed], last: Stage
 ) -> bool:
-    """Whether the last hypothesis's bristles here are much of their joint's torque, or seen far better."""
-    if np.sqrt(item.worth) > BRISTLES_TORQUE:
-        return True
-    own, part = last.hypothesis.accepted[place], last.hypothesis.parts[place]
-    times, wald = _times(robot, last, own, last.fitted.values[part]), last.fitted.wald(part)
-    bristles = [each for each in others if each.effect == BRISTLES]
-    if sum(each.wald > BRISTLES_WALD and each.times >= times for each in bristles) >= SUCH_JOINTS:
+    """Whether this effect is bristles, little of its joint's torque and seen hardly better than others'."""
+    if item.candidate.family.effect != BRISTLES or np.sqrt(item.worth) > BRISTLES_TORQUE:
         return False
-    most = max((each.wald for each in bristles), default=0.0)
-    return item.share > BRISTLES_SHARE or wald > max(BRISTLES_WALD, BRISTLES_ALONE * most)
+    own, others = _seen(robot, place, [BRISTLES], open_, last)
+    if sum(each.wald > BRISTLES_WALD and each.times >= own.times for each in others) >= SUCH_JOINTS:
+        return True
+    most = max((each.wald for each in others), default=0.0)
+    return item.share <= BRISTLES_SHARE and own.wald <= max(BRISTLES_WALD, BRISTLES_ALONE * most)
 
 
 def _levels(

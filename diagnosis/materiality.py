@@ -100,7 +100,6 @@ OF_THE_JOINT = (
     "nonlinear_viscous_friction",
     "load_dependent_friction",
     "thermal_friction_drift",
-    "transmission_ripple",
     "joint_coupling",
     "backlash",
     "actuator_lag",

@@ -12,12 +12,17 @@ from diagnosis.weighing import Stage
 from .diagnosed import simulated_runs
 
 
-def certain(stage, own, amount, squared):
-    """A candidate's gain, twenty deviations from zero, that takes so much off the held-out squares."""
+def squares(stage, share):
+    """(joints,) what this share of each joint's torque adds up to, squared, over the held-out samples."""
+    return (share * stage.ground.torque_rms) ** 2 * stage.counts
+
+
+def certain(stage, own, amount, squared, wald=400.0):
+    """A candidate's gain, twenty deviations from zero or so, that takes so much off the held-out squares."""
     return replace(
         stage.gain(own),
         coefficients=amount * np.eye(own.count)[0],
-        information=400 / amount**2 * np.eye(own.count),
+        information=wald / amount**2 * np.eye(own.count),
         held_out=squared,
     )
 

@@ -18,7 +18,7 @@ from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 from testbench.robot import Robot
 
-from .certain_gain import certain, healthy_stage
+from .certain_gain import certain, healthy_stage, squares
 from .diagnosed import simulated_runs
 from .small_arm import SCARA, small_arm
 
@@ -78,7 +78,7 @@ def _is_of_one(robot: Robot, name: str, times: float, torque: float, others: tup
     values[part] = amount(own, times) * np.eye(own.count)[0]
     covariance[part, part] = amount(own, times) ** 2 / 400 * np.eye(own.count)
     last = Stage(base.ground, hypothesis, replace(fitted, values=values, covariance=covariance))
-    squared = (torque * base.ground.torque_rms) ** 2 * base.counts
+    squared = squares(base, torque)
     last.held_squares = 2 * squared
     open_ = [
         Weighed(certain(base, each, amount(each, others[1]), squared * np.eye(robot.joints)[joint]), 30.0)

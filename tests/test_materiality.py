@@ -18,7 +18,7 @@ from identification.parameters import COULOMB, MASS
 from testbench.effects import effect, parse_injection
 from testbench.effects.size import scale_of, typical_range
 
-from .certain_gain import certain, healthy_stage
+from .certain_gain import certain, healthy_stage, squares
 from .diagnosed import measured_only, simulated_runs
 from .small_arm import ARM, SCARA, small_arm
 
@@ -230,7 +230,7 @@ def test_what_leaves_little_is_judged_by_its_size(tmp_path, name, amount, encode
     stage = Stage.of(ground(replace(prepared, encoder_torque=encoders * little)), [])
     own = next(c for c in candidates(stage.prepared, only=[name]) if c.family.joint == 0)
     # It is certain, a seventh of the rest and .3 % of the torque.
-    squared = np.array([little[0] ** 2 * stage.counts[0], 0.0])
+    squared = np.array([1.0, 0.0]) * squares(stage, 0.003)
     known = replace(certain(stage, own, amount, squared), prior=stage.prior)
     stage.held_squares = np.maximum(stage.held_squares, 7 * squared)
     assert known.wald == pytest.approx(400)
@@ -272,7 +272,7 @@ def test_an_encoder_whose_error_is_most_of_what_is_left_is_at_fault_however_smal
     arm = small_arm(tmp_path)
     stage, (own, _) = healthy_stage(arm, name)
     # A hundredth of the joint's torque.
-    squared = (0.01 * stage.ground.torque_rms[0]) ** 2 * stage.counts[0]
+    squared = squares(stage, 0.01)[0]
     stage.held_squares[0] = squared / share
     gain = replace(
         stage.gain(own), held_out=np.array([squared, 0.0]), coefficients=0.01 * np.eye(own.count)[0]

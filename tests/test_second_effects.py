@@ -11,7 +11,7 @@ from diagnosis.likelihood import Weighed
 from diagnosis.materiality import is_main
 from diagnosis.weighing import Stage
 
-from .certain_gain import certain, healthy_stage
+from .certain_gain import certain, healthy_stage, squares
 from .small_arm import small_arm
 
 
@@ -28,23 +28,19 @@ def test_a_second_effect_of_a_joint_is_told_from_the_firsts_rest_by_its_size(
     tmp_path, name, amount, expected
 ):
     arm = small_arm(tmp_path)
-    stage, (own, other) = healthy_stage(arm, name)
+    stage, (own, _) = healthy_stage(arm, name)
     # It is certain, six tenths of what is left there and 1 % of the torque; of the first rest it is little.
-    squared = np.array([(0.01 * stage.ground.torque_rms[0]) ** 2 * stage.counts[0], 0.0])
+    squared = np.array([1.0, 0.0]) * squares(stage, 0.01)
     stage.held_squares[0] = squared[0] / 0.6
-    first = Stage.of(stage.ground, [])
-    first.held_squares = 100 * stage.held_squares
-    known = certain(stage, own, amount, squared)
-    best, rest = Weighed(known, 30.0), [Weighed(replace(known, candidate=other), 30.0)]
     (named,) = candidates(stage.prepared, only=["stribeck_friction"])[:1]
-    assert is_main(arm, first, stage, best, [named], rest) == expected
+    assert _is_named(arm, stage, certain(stage, own, amount, squared), [named]) == expected
 
 
 def _of_size(arm, stage, own, times, torque, left):
     """A certain gain, so many times a healthy joint's; its shares of its joint's torque and rest."""
     unit = np.eye(own.count)[0]
     joint = own.family.joint
-    squared = (torque * stage.ground.torque_rms[joint]) ** 2 * stage.counts[joint] * np.eye(arm.joints)[joint]
+    squared = squares(stage, torque) * np.eye(arm.joints)[joint]
     stage.held_squares[joint] = squared[joint] / left
     amount = times / times_healthy(arm, stage.ground.torque_rms, own, unit)
     return certain(stage, own, amount, squared)
@@ -101,7 +97,7 @@ def test_what_a_second_effect_does_to_joints_that_the_first_leaves_alone_is_no_r
     assert (1 in named.member.rows) != expected
     gain = _of_size(arm, stage, own, 2.0, 0.0005, 0.02)
     at_the_other = gain.held_out[0] * np.array([1.0, 0.0])
-    at_the_other[1] = (0.01 * stage.ground.torque_rms[1]) ** 2 * stage.counts[1]
+    at_the_other[1] = squares(stage, 0.01)[1]
     stage.held_squares[1] = at_the_other[1] / 0.8
     assert _is_named(arm, stage, replace(gain, held_out=at_the_other), [named]) == expected
 

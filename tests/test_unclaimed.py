@@ -19,6 +19,7 @@ from identification.parameters import ARMATURE
 from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run
 
+from .certain_gain import certain, squares
 from .diagnosed import measured_only, simulated_runs
 from .small_arm import small_arm
 
@@ -55,13 +56,8 @@ def test_a_function_that_all_runs_fit_by_chance_foretells_by_chance(tmp_path, mo
     stage, free = Stage(ground(prepared), *fitted_to(prepared, [])), generic_candidates(prepared)
     own = next(c for c in free if c.family.effect == FREE + RUN_TIME and c.family.joint == 0)
     assert 10 < own.count < wald
-    stage.held_squares = (0.1 * stage.ground.torque_rms) ** 2 * stage.counts
-    gain = replace(
-        stage.gain(own),
-        coefficients=np.eye(own.count)[0],
-        information=wald * np.eye(own.count),
-        held_out=np.array([0.4, 0.0]) * stage.held_squares,
-    )
+    stage.held_squares = squares(stage, 0.1)
+    gain = certain(stage, own, 1.0, np.array([0.4, 0.0]) * stage.held_squares, wald)
     monkeypatch.setattr("diagnosis.unclaimed.weigh", lambda *_: [Weighed(gain, 50.0)])
     found = unclaimed(stage, stage, Bank(stage.ground, free))
     assert ((0, RUN_TIME) in [(each.joint, each.regime) for each in found]) == expected
