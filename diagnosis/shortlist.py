@@ -9,12 +9,13 @@ from testbench.effects.signature import Member
 from testbench.robot import Robot
 
 from .bank import Bank
-from .candidates import candidate
+from .candidates import Candidate, candidate
 from .delay import likeliest_delay
-from .evidence import DELAY, Design, Fit
+from .evidence import DELAY, Design, Fit, log_prior, squares
 from .ground import Ground
 from .healthy import is_plausible
-from .likelihood import Weighed, gained, log_likelihood, odds, price
+from .likelihood import Weighed, gained, log_likelihood, log_of_squares, odds, price
+from .linearisation import RELINEARISED, linearised_anew
 from .shape_search import search
 from .weighing import Stage
 
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 SHORTLIST = 4
 # What keeps less than this share of its log-likelihood once another effect is in explains the same thing.
 RIVAL_LEFT = 0.5
+# Log-likelihood by which a joint may seem less likely than another for what bends all parameters.
+AS_LIKELY = 25.0
 # First step of a refinement, as a share of the shape's range, and how many shapes are tried; where several go
 # together, more of what is taken in.
 STEP, TRIED, MORE_TRIED = 0.12, 14, 50
@@ -43,10 +46,14 @@ def choose(
     listed = [*likeliest, *(_best_fit(each, open_) for each in likeliest)]
     shortlist = [_refined(robot, stage, w) for w in {w.candidate.place: w for w in listed}.values()]
     # Of many shapes one is the likelier to fit by chance.
-    likelihoods = [
-        log_likelihood(*stage.compared(weighed.candidate)) - float(np.log(weighed.candidate.shapes))
-        for weighed in shortlist
-    ]
+    likelihoods = _of_joints(
+        stage,
+        [weighed.candidate for weighed in shortlist],
+        [
+            log_likelihood(*stage.compared(weighed.candidate)) - float(np.log(weighed.candidate.shapes))
+            for weighed in shortlist
+        ],
+    )
     first, before = int(np.argmax(likelihoods)), log_likelihood(stage.hypothesis, stage.fitted)
     if len(shortlist[first].candidate.family.refine) > 1:
         shortlist[first] = _refined(robot, stage, shortlist[first], MORE_TRIED)
@@ -67,6 +74,34 @@ def choose(
     exact = stage.as_fitted(shortlist[first].gain, trial)
     best = max(shortlist[first], Weighed(exact, gained(stage, exact)), key=lambda w: w.score)
     return best, tuple(sorted(rivals, key=lambda r: -r[1])), trial
+
+
+def _of_joints(stage: Stage, listed: Sequence[Candidate], likelihoods: Sequence[float]) -> list[float]:
+    """The log-likelihoods with one effect's joints held against each other by what all runs together say.
+
+    What bends all parameters bends its own columns, and those of the wrong joint otherwise: each is fitted
+    with the runs linearised anew, and its own weights. Bent parameters foretell left-out runs by chance.
+    """
+    found = list(likelihoods)
+    first = int(np.argmax(found))
+    family = listed[first].family
+    near = [
+        index
+        for index, each in enumerate(listed)
+        if each.family.effect == family.effect and found[index] > found[first] - AS_LIKELY
+    ]
+    if len(near) < 2 or not family.swallowed or family.effect not in RELINEARISED:
+        return found
+    exact = [_within(*linearised_anew(*stage.compared(listed[index]))) for index in near]
+    for index, own in zip(near, exact, strict=True):
+        found[index] = likelihoods[first] + own - max(exact)
+    return found
+
+
+def _within(hypothesis: Design, fitted: Fit) -> float:
+    """Log-likelihood of the runs that were fitted, and of the parameters; up to a constant."""
+    within = log_of_squares(hypothesis.independent, squares(fitted.residual))
+    return within + float(log_prior(hypothesis, fitted.values))
 
 
 def refined_again(robot: Robot, base: Ground, hypothesis: Design) -> tuple[Design, Fit]:
