@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from pathlib import Path
 
 from identification.errors import InputError
@@ -19,7 +20,6 @@ from .findings import Diagnosis
 from .forward import forward_gap
 from .predict import DOCUMENT
 from .remedy import write_corrected
-from .report import write_report, write_session
 
 
 def diagnose_logs(
@@ -53,7 +53,11 @@ def diagnose_logs(
         # Most of both is outside the interpreter, and neither looks at the other.
         with progress.step("closed loop and next experiment"), ThreadPoolExecutor(1) as aside:
             closed = aside.submit(forward_gap, diagnosis, recordings, jobs)
+            # Most of a second to import, of which none is waited for here.
+            aside.submit(import_module, ".report", __package__)
             experiment = next_experiment(diagnosis, seed)
+            from .report import write_report, write_session
+
             if experiment is not None and experiment.excitation is not None:
                 assert experiment.file is not None
                 write_excitation(experiment.excitation, out / experiment.file)

@@ -28,9 +28,11 @@ def diagnose(
 ) -> None:
     """Say why simulator and robot differ: where, which effect, how far it shrinks, what to do next."""
     from diagnosis.job import diagnose_logs
+
+    told = diagnose_logs(model, logs, out, without or (), seed, jobs)
     from diagnosis.report import print_summary
 
-    print_summary(*diagnose_logs(model, logs, out, without or (), seed, jobs))
+    print_summary(*told)
 
 
 def predict(
