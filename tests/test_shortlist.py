@@ -63,7 +63,7 @@ def test_what_shows_nothing_on_other_ground_stays_as_it_was(arm):
 
 @pytest.mark.parametrize(("joint", "relative"), [("shoulder", 0.05), ("elbow", 0.05), ("elbow", -0.1)])
 def test_whose_gain_is_off_is_told_by_all_runs_together(arm, joint, relative):
-    """At one of two joints it makes up for the other's: left-out runs alone take the wrong one for likelier."""
+    """At one of two joints it makes up for the other's: left-out runs may take the wrong one for likelier."""
     fault = parse_injection(arm, f"torque_gain_error:{joint}:relative={relative}")
     prepared = prepare(arm, simulated_runs(arm, [fault], runs=3))
     stage = Stage.of(ground(prepared), [])
