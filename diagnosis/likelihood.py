@@ -78,6 +78,15 @@ def log_likelihood(hypothesis: Design, fitted: Fit) -> float:
     return (held_out + within - paid) / 2 + float(log_prior(hypothesis, fitted.values))
 
 
+def log_posterior(hypothesis: Design, fitted: Fit) -> float:
+    """Of a hypothesis fitted in full: what the fitted runs say, and the parameters; up to a constant.
+
+    Where effects bend all parameters, these foretell left-out runs by chance.
+    """
+    within = log_of_squares(hypothesis.independent, squares(fitted.residual))
+    return within + float(log_prior(hypothesis, fitted.values))
+
+
 def price(hypothesis: Design, candidate: Candidate) -> float:
     """Half the logarithm of the samples that tell of it, for everything that was fitted of an effect."""
     told = float(np.max(hypothesis.independent[list(candidate.member.rows)]))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from identification.parameters import INERTIAL, PER_JOINT
 from testbench.effects import effect
+from testbench.effects.signature import Family
 
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
@@ -35,6 +36,11 @@ RELINEARISED = (
 )
 # Timing errors from which on a delay may have bent all parameters, in the prior's deviations.
 LATE = 3.0
+
+
+def bends_parameters(family: Family) -> bool:
+    """Whether re-identification takes it up, moving parameters that its own columns are taken at."""
+    return family.swallowed and family.effect in RELINEARISED
 
 
 def first_linearised(prepared: Prepared) -> Prepared:

@@ -12,6 +12,7 @@ from .contact import contact, explains_all_bursts, is_in_bursts_at_several
 from .evidence import Design, Fit
 from .healthy import is_beyond_healthy, is_plausible
 from .likelihood import Weighed, weigh
+from .linearisation import bends_parameters
 from .materiality import SMALLEST_GAIN, SMALLEST_WALD, is_material
 from .saturation import Cut, saturation
 from .shortlist import choose
@@ -28,8 +29,8 @@ AS_MUCH = 0.7
 # Beside one that is alone nothing gains more than this share of what it does; it takes off this share of some
 # joint's RMS torque.
 BESIDE_ALONE, SEEN_ALONE = 0.4, 0.0015
-# A trace has a name from four standard deviations, with this share of some joint's rest: what misfit leaves
-# rarely has.
+# A trace that left-out runs tell has a name from four standard deviations, with this share of some joint's
+# rest: what misfit leaves rarely has.
 TRACE_WALD, SMALLEST_TRACE = 16.0, 0.025
 
 
@@ -55,7 +56,7 @@ class Found:
         if family.effect in (EVENT, SATURATION):
             return True
         wald = self.trial[1].wald(slice(-self.best.candidate.count, None))
-        if self.is_trace:
+        if self.is_trace and not bends_parameters(family):
             return bool(wald > TRACE_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
         return bool(wald > (SWALLOWED_WALD if family.swallowed else SMALLEST_WALD))
 

@@ -11,11 +11,11 @@ from testbench.robot import Robot
 from .bank import Bank
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
-from .evidence import DELAY, Design, Fit, log_prior, squares
+from .evidence import DELAY, Design, Fit
 from .ground import Ground
 from .healthy import is_plausible
-from .likelihood import Weighed, gained, log_likelihood, log_of_squares, odds, price
-from .linearisation import RELINEARISED, linearised_anew
+from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price
+from .linearisation import bends_parameters, linearised_anew
 from .shape_search import search
 from .weighing import Stage
 
@@ -90,18 +90,12 @@ def _of_joints(stage: Stage, listed: Sequence[Candidate], likelihoods: Sequence[
         for index, each in enumerate(listed)
         if each.family.effect == family.effect and found[index] > found[first] - AS_LIKELY
     ]
-    if len(near) < 2 or not family.swallowed or family.effect not in RELINEARISED:
+    if len(near) < 2 or not bends_parameters(family):
         return found
-    exact = [_within(*linearised_anew(*stage.compared(listed[index]))) for index in near]
+    exact = [log_posterior(*linearised_anew(*stage.compared(listed[index]))) for index in near]
     for index, own in zip(near, exact, strict=True):
         found[index] = likelihoods[first] + own - max(exact)
     return found
-
-
-def _within(hypothesis: Design, fitted: Fit) -> float:
-    """Log-likelihood of the runs that were fitted, and of the parameters; up to a constant."""
-    within = log_of_squares(hypothesis.independent, squares(fitted.residual))
-    return within + float(log_prior(hypothesis, fitted.values))
 
 
 def refined_again(robot: Robot, base: Ground, hypothesis: Design) -> tuple[Design, Fit]:

@@ -1,17 +1,21 @@
 """What re-identification swallows, looked for once all imperfections of every joint are fitted beside it.
 
 A gain error, an offset of an encoder, a payload or a spring leaves a small trace in what is left; any
-robot's own imperfections leave larger ones, which would hide it or be taken for it.
+robot's own imperfections leave larger ones, which would hide it or be taken for it. What bends all parameters
+is told by all runs together and by how near to the model it lets the parameters be: left-out runs, foretold
+by bent parameters, say next to nothing of it.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from .bank import Bank
 from .candidates import Candidate
 from .healthy import CABLE, SPRING
-from .likelihood import Weighed, gained_by_joint, weigh
+from .likelihood import Weighed, gained_by_joint, log_posterior, weigh
+from .linearisation import bends_parameters, linearised_anew
 from .weighing import Stage
 
 # What any joint has a little of, and what is fitted beside: friction, ripple, cables.
@@ -29,6 +33,9 @@ TRACES = ("encoder_eccentricity", "base_tilt")
 # Log-likelihood from which an imperfection is worth fitting beside, that a trace must gain, and that must be
 # left of it without any one joint but its own.
 BESIDE, SMALLEST_GAIN, SMALLEST_ELSEWHERE = 8.0, 9.0, 5.0
+# Of what bends all parameters: Wald's statistic from which it is fitted in full, the log-posterior of all
+# runs together that it must add, and the log-likelihood that it may lose by those left out.
+WORTH_A_FIT, SMALLEST_EVIDENCE, AGAINST = 9.0, 7.5, -5.0
 
 
 def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Weighed]]:
@@ -39,8 +46,25 @@ def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Wei
     after = _with_imperfections(stage, weighed)
     hidden = [w.candidate for w in weighed if _is_hidden(w.candidate) or _is_spring(w, weighed)]
     found = weigh(after, Bank(stage.ground, hidden)) if hidden else []
-    found = [each for each in found if each.score > SMALLEST_GAIN]
-    return after, [each for each in found if _elsewhere(after, each) > SMALLEST_ELSEWHERE]
+    bent = [each for each in found if bends_parameters(each.candidate.family)]
+    told = [each for each in found if each not in bent and each.score > SMALLEST_GAIN]
+    told = [each for each in told if _elsewhere(after, each) > SMALLEST_ELSEWHERE]
+    return after, sorted([*told, *_by_all_runs(after, bent)], key=lambda each: -each.score)
+
+
+def _by_all_runs(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
+    """Those that all runs together tell, by the log-posterior each adds with the runs linearised anew."""
+    found = [each for each in found if each.gain.wald > WORTH_A_FIT and each.score > AGAINST]
+    if not found:
+        return []
+    before, told = log_posterior(*linearised_anew(stage.hypothesis, stage.fitted)), []
+    for each in found:
+        hypothesis, fitted = linearised_anew(*stage.compared(each.candidate))
+        evidence = log_posterior(hypothesis, fitted) - before
+        if evidence > SMALLEST_EVIDENCE:
+            gain = replace(each.gain, coefficients=fitted.values[hypothesis.parts[-1]])
+            told.append(Weighed(gain, evidence))
+    return told
 
 
 def _with_imperfections(stage: Stage, weighed: Sequence[Weighed]) -> Stage:

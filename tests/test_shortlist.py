@@ -12,7 +12,6 @@ from diagnosis.ground import ground
 from diagnosis.likelihood import weigh
 from diagnosis.preparation import prepare
 from diagnosis.shortlist import choose, refined_again
-from diagnosis.swallowed import swallowed
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
@@ -23,19 +22,6 @@ from .small_arm import small_arm
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
     return small_arm(tmp_path_factory.mktemp("arm"))
-
-
-def test_all_imperfections_of_a_joint_are_fitted_beside_what_is_swallowed(arm):
-    faults = (
-        "transmission_ripple:elbow:amplitude=.1,cycles=21",
-        "stribeck_friction:elbow:extra=.15,velocity=.2",
-    )
-    prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, text) for text in faults], 3))
-    stage = Stage(ground(prepared), *fitted_to(prepared, []))
-    beside, found = swallowed(stage, weigh(stage, Bank(stage.ground, candidates(prepared))))
-    places = {each.place[:2] for each in beside.hypothesis.accepted}
-    assert {("transmission_ripple", 1), ("stribeck_friction", 1)} <= places
-    assert found == []
 
 
 def test_what_fits_a_joint_best_is_listed_though_it_was_not_material(arm):

@@ -1,0 +1,60 @@
+"""What re-identification takes up, found in the parameters beside every joint's imperfections."""
+
+from dataclasses import replace
+
+import pytest
+
+from diagnosis.bank import Bank
+from diagnosis.candidates import candidates
+from diagnosis.evidence import fitted_to
+from diagnosis.ground import ground
+from diagnosis.likelihood import weigh
+from diagnosis.preparation import prepare
+from diagnosis.swallowed import swallowed
+from diagnosis.weighing import Stage
+from testbench.effects import parse_injection
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    return small_arm(tmp_path_factory.mktemp("arm"))
+
+
+def test_all_imperfections_of_a_joint_are_fitted_beside_what_is_swallowed(arm):
+    faults = (
+        "transmission_ripple:elbow:amplitude=.1,cycles=21",
+        "stribeck_friction:elbow:extra=.15,velocity=.2",
+    )
+    prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, text) for text in faults], 3))
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    beside, found = swallowed(stage, weigh(stage, Bank(stage.ground, candidates(prepared))))
+    places = {each.place[:2] for each in beside.hypothesis.accepted}
+    assert {("transmission_ripple", 1), ("stribeck_friction", 1)} <= places
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    ("joint", "relative"), [("shoulder", -0.15), ("elbow", 0.1), ("elbow", 0.2), ("elbow", 0)]
+)
+def test_a_gain_that_parameters_take_up_is_told_at_its_joint(arm, joint, relative):
+    faults = [f"torque_gain_error:{joint}:relative={relative}"] if relative else []
+    prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, text) for text in faults], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    _, found = swallowed(stage, weigh(stage, Bank(stage.ground, candidates(prepared))))
+    told = [(each.candidate.family.effect, arm.joint_names[each.candidate.family.joint]) for each in found]
+    assert told[:1] == ([("torque_gain_error", joint)] if relative else [])
+
+
+@pytest.mark.parametrize(("score", "expected"), [(-4.0, True), (-6.0, False)])
+def test_a_gain_that_left_out_runs_speak_against_is_not_told(arm, monkeypatch, score, expected):
+    fault = parse_injection(arm, "torque_gain_error:elbow:relative=0.1")
+    prepared = prepare(arm, simulated_runs(arm, [fault], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    gains = weigh(stage, Bank(stage.ground, candidates(prepared, only=["torque_gain_error"])))
+    foretold = [replace(each, score=score) for each in gains]
+    monkeypatch.setattr("diagnosis.swallowed.weigh", lambda *_: foretold)
+    _, found = swallowed(stage, gains)
+    assert bool(found) == expected
