@@ -43,17 +43,12 @@ def choose(
     best is listed too.
     """
     likeliest = material[:SHORTLIST]
-    listed = [*likeliest, *(_best_fit(each, open_) for each in likeliest)]
-    shortlist = [_refined(robot, stage, w) for w in {w.candidate.place: w for w in listed}.values()]
+    best_of_each = {w.candidate.place: w for w in [*likeliest, *(_best_fit(w, open_) for w in likeliest)]}
+    shortlist = [_refined(robot, stage, weighed) for weighed in best_of_each.values()]
+    listed = [weighed.candidate for weighed in shortlist]
     # Of many shapes one is the likelier to fit by chance.
-    likelihoods = _of_joints(
-        stage,
-        [weighed.candidate for weighed in shortlist],
-        [
-            log_likelihood(*stage.compared(weighed.candidate)) - float(np.log(weighed.candidate.shapes))
-            for weighed in shortlist
-        ],
-    )
+    compared = [log_likelihood(*stage.compared(each)) - float(np.log(each.shapes)) for each in listed]
+    likelihoods = _of_joints(stage, listed, compared)
     first, before = int(np.argmax(likelihoods)), log_likelihood(stage.hypothesis, stage.fitted)
     if len(shortlist[first].candidate.family.refine) > 1:
         shortlist[first] = _refined(robot, stage, shortlist[first], MORE_TRIED)
