@@ -46,9 +46,13 @@ def choose(
     best_of_each = {w.candidate.place: w for w in [*likeliest, *(_best_fit(w, open_) for w in likeliest)]}
     shortlist = [_refined(robot, stage, weighed) for weighed in best_of_each.values()]
     listed = [weighed.candidate for weighed in shortlist]
+    compared = [stage.compared(each) for each in listed]
     # Of many shapes one is the likelier to fit by chance.
-    compared = [log_likelihood(*stage.compared(each)) - float(np.log(each.shapes)) for each in listed]
-    likelihoods = _of_joints(stage, listed, compared)
+    foretold = [
+        log_likelihood(*trial) - float(np.log(each.shapes))
+        for each, trial in zip(listed, compared, strict=True)
+    ]
+    likelihoods = _of_joints(listed, compared, foretold)
     first, before = int(np.argmax(likelihoods)), log_likelihood(stage.hypothesis, stage.fitted)
     if len(shortlist[first].candidate.family.refine) > 1:
         shortlist[first] = _refined(robot, stage, shortlist[first], MORE_TRIED)
@@ -71,23 +75,27 @@ def choose(
     return best, tuple(sorted(rivals, key=lambda r: -r[1])), trial
 
 
-def _of_joints(stage: Stage, listed: Sequence[Candidate], likelihoods: Sequence[float]) -> list[float]:
+def _of_joints(
+    listed: Sequence[Candidate], compared: Sequence[tuple[Design, Fit]], likelihoods: Sequence[float]
+) -> list[float]:
     """The log-likelihoods with one effect's joints held against each other by what all runs together say.
 
     What bends all parameters bends its own columns, and those of the wrong joint otherwise: each is fitted
     with the runs linearised anew, and its own weights. Bent parameters foretell left-out runs by chance.
+    compared: the hypothesis with each of those listed.
     """
     found = list(likelihoods)
     first = int(np.argmax(found))
-    family = listed[first].family
+    if not bends_parameters(listed[first].family):
+        return found
     near = [
         index
         for index, each in enumerate(listed)
-        if each.family.effect == family.effect and found[index] > found[first] - AS_LIKELY
+        if each.family.effect == listed[first].family.effect and found[index] > found[first] - AS_LIKELY
     ]
-    if len(near) < 2 or not bends_parameters(family):
+    if len(near) < 2:
         return found
-    exact = [log_posterior(*linearised_anew(*stage.compared(listed[index]))) for index in near]
+    exact = [log_posterior(*linearised_anew(*compared[index])) for index in near]
     for index, own in zip(near, exact, strict=True):
         found[index] = likelihoods[first] + own - max(exact)
     return found

@@ -46,10 +46,16 @@ def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Wei
     after = _with_imperfections(stage, weighed)
     hidden = [w.candidate for w in weighed if _is_hidden(w.candidate) or _is_spring(w, weighed)]
     found = weigh(after, Bank(stage.ground, hidden)) if hidden else []
-    bent = [each for each in found if bends_parameters(each.candidate.family)]
-    told = [each for each in found if each not in bent and each.score > SMALLEST_GAIN]
-    told = [each for each in told if _elsewhere(after, each) > SMALLEST_ELSEWHERE]
-    return after, sorted([*told, *_by_all_runs(after, bent)], key=lambda each: -each.score)
+    bending = [each for each in found if bends_parameters(each.candidate.family)]
+    others = [each for each in found if not bends_parameters(each.candidate.family)]
+    told = [*_foretold(after, others), *_by_all_runs(after, bending)]
+    return after, sorted(told, key=lambda each: -each.score)
+
+
+def _foretold(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
+    """Those that left-out runs tell, and not by one joint's misfit."""
+    found = [each for each in found if each.score > SMALLEST_GAIN]
+    return [each for each in found if _elsewhere(stage, each) > SMALLEST_ELSEWHERE]
 
 
 def _by_all_runs(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:

@@ -30,6 +30,7 @@ def diagnose(
     from diagnosis.job import diagnose_logs
 
     told = diagnose_logs(model, logs, out, without or (), seed, jobs)
+    # It is imported by then, behind the closed loop.
     from diagnosis.report import print_summary
 
     print_summary(*told)
