@@ -5,6 +5,7 @@ body frame already does so (as in a modified Denavit-Hartenberg model) the link 
 frame. Bodies without a joint are welded to the link that carries them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -72,7 +73,7 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
 
     The parameters are those of the model itself: inertias, armature, damping and frictionloss;
     the offset is zero. Raises InputError when the model is not a fixed-base serial arm of hinge
-    and slide joints.
+    and slide joints, or drives itself.
     """
     _require_serial_arm(model)
     n = model.njnt
@@ -98,8 +99,10 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
     parameters[:, ARMATURE] = model.dof_armature
     parameters[:, VISCOUS] = np.asarray(model.dof_damping).reshape(n, -1)[:, 0]
     parameters[:, COULOMB] = model.dof_frictionloss
+    names = tuple(model.joint(j).name or f"joint_{j + 1}" for j in range(n))
+    _require_none_negative(parameters, names)
     chain = Chain(
-        joint_names=tuple(model.joint(j).name or f"joint_{j + 1}" for j in range(n)),
+        joint_names=names,
         is_slide=np.asarray(model.jnt_type) == SLIDE,
         rotation=rotations,
         translation=translations,
@@ -146,6 +149,14 @@ def _require_serial_arm(model: Any) -> None:
                 raise InputError("model", name, "a serial chain, each joint after the one before", "a branch")
             link = last = first + int(model.body_jntnum[body]) - 1
         carrier[body] = link
+
+
+def _require_none_negative(parameters: Array, names: Sequence[str]) -> None:
+    """Raise InputError for rotors and friction (n, 14) that would drive the joints; MuJoCo loads them."""
+    for field, place in (("armature", ARMATURE), ("damping", VISCOUS), ("frictionloss", COULOMB)):
+        for name, value in zip(names, parameters[:, place], strict=True):
+            if value < 0:
+                raise InputError("model", f"{field} of {name}", "zero or more", f"{value:g}")
 
 
 def _body_parameters(model: Any, body: int, rotation: Array, position: Array) -> Array:

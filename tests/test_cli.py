@@ -292,6 +292,9 @@ BAD_MODELS = [
     (in_body(f'<body><joint name="j"/>{LINK}</body>'), ["position range of j", "finite"]),
     (ARM.replace("-80 80", "-3 3"), ["torque limit of shoulder", "hold the arm still"]),
     (ARM.replace('data="4 4"', 'data="4"'), ["velocity_limit", "2 positive values"]),
+    (ARM.replace('armature=".05"', 'armature="-.005"'), ["armature of elbow", "zero or more", "got -0.005"]),
+    (ARM.replace('damping="1"', 'damping="-1"'), ["damping of elbow", "zero or more", "got -1"]),
+    (ARM.replace('frictionloss="2"', 'frictionloss="-2"'), ["frictionloss of shoulder", "got -2"]),
 ]
 
 
