@@ -1,8 +1,9 @@
 """The gap in closed loop: the simulator run on the log's reference with the log's controller."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -46,35 +47,80 @@ class ForwardGap:
     failed: dict[str, str] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class StageGap:
+    """Simulated less logged at one stage, as in ForwardGap; failed: why it did not run, "" if it did."""
+
+    motion: Array
+    torque: Array
+    failed: str = ""
+
+
+def gap_as_given(
+    robot: Robot, recordings: Mapping[str, Recording], jobs: int | None = None
+) -> StageGap | None:
+    """The gap of the model as given, which no diagnosis is needed for; None where no log tells its loop."""
+    chosen = _chosen(recordings)
+    return _gap_of(robot, lambda: (robot, ()), chosen, jobs) if chosen else None
+
+
 def forward_gap(
-    diagnosis: Diagnosis, recordings: Mapping[str, Recording], jobs: int | None = None
+    diagnosis: Diagnosis,
+    recordings: Mapping[str, Recording],
+    as_given: StageGap | None,
+    jobs: int | None = None,
 ) -> ForwardGap | None:
     """The gap of the model as given, re-identified, and corrected; None where no log tells its loop.
 
-    A run counts when it has a reference and a controller of a kind that the simulator knows. jobs: threads.
+    A run counts when it has a reference and a controller of a kind that the simulator knows. as_given: of
+    ``gap_as_given`` for the same runs. jobs: threads.
     """
+    if as_given is None:
+        return None
+    chosen = _chosen(recordings)
+    gaps = {STAGES[0]: as_given}
+    with tempfile.TemporaryDirectory() as folder:
+        for stage in STAGES[1:]:
+            of_stage = partial(_stage, diagnosis, stage, Path(folder))
+            gaps[stage] = _gap_of(diagnosis.robot, of_stage, chosen, jobs)
+    ran = {stage: gap for stage, gap in gaps.items() if not gap.failed}
+    return ForwardGap(
+        runs=tuple(chosen),
+        seconds=float(sum(_length(recording) for recording in chosen.values())),
+        motion={stage: gap.motion for stage, gap in ran.items()},
+        torque={stage: gap.torque for stage, gap in ran.items()},
+        failed={stage: gap.failed for stage, gap in gaps.items() if gap.failed},
+    )
+
+
+def _chosen(recordings: Mapping[str, Recording]) -> dict[str, Recording]:
+    """The first runs that tell their loop, one at least, as long as they are not too much together."""
     chosen: dict[str, Recording] = {}
     seconds = 0.0
     for name, recording in recordings.items():
-        length = recording.time[-1] - recording.time[0]
-        if _tells_its_loop(recording) and (not chosen or seconds + length <= MOST_SECONDS):
+        if _tells_its_loop(recording) and (not chosen or seconds + _length(recording) <= MOST_SECONDS):
             chosen[name] = recording
-            seconds += length
-    if not chosen:
-        return None
-    motion: dict[str, Array] = {}
-    torque: dict[str, Array] = {}
-    failed: dict[str, str] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for stage in STAGES:
-            try:
-                robot, effects = _stage(diagnosis, stage, Path(folder))
-                runs = _simulated(diagnosis.robot, robot, effects, chosen, jobs)
-            except InputError as error:
-                failed[stage] = f"{error.field}: expected {error.expected}, got {error.got}"
-                continue
-            motion[stage], torque[stage] = _difference(runs, list(chosen.values()))
-    return ForwardGap(tuple(chosen), float(seconds), motion, torque, failed)
+            seconds += _length(recording)
+    return chosen
+
+
+def _length(recording: Recording) -> float:
+    return float(recording.time[-1] - recording.time[0])
+
+
+def _gap_of(
+    nominal: Robot,
+    stage: Callable[[], tuple[Robot, tuple[Injection, ...]]],
+    chosen: Mapping[str, Recording],
+    jobs: int | None,
+) -> StageGap:
+    """The gap of a robot with what is injected into it, whose controller knows the nominal one."""
+    try:
+        runs = _simulated(nominal, *stage(), chosen, jobs)
+    except InputError as error:
+        nothing = np.full(nominal.joints, np.nan)
+        return StageGap(nothing, nothing, f"{error.field}: expected {error.expected}, got {error.got}")
+    return StageGap(*_difference(runs, list(chosen.values())))
 
 
 def _tells_its_loop(recording: Recording) -> bool:
@@ -89,9 +135,7 @@ def _tells_its_loop(recording: Recording) -> bool:
 
 
 def _stage(diagnosis: Diagnosis, stage: str, folder: Path) -> tuple[Robot, tuple[Injection, ...]]:
-    """The robot to simulate at a stage, and what is injected into it."""
-    if stage == "nominal":
-        return diagnosis.robot, ()
+    """The robot to simulate at a stage after the first, and what is injected into it."""
     if stage == "parameters":
         standard = corrected_model(diagnosis).parameters
         robot = robot_with(

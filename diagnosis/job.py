@@ -17,7 +17,7 @@ from .diagnose import diagnose
 from .discrimination import NextExperiment, next_experiment
 from .document import write_diagnosis
 from .findings import Diagnosis
-from .forward import forward_gap
+from .forward import forward_gap, gap_as_given
 from .predict import DOCUMENT
 from .remedy import write_corrected
 
@@ -42,7 +42,9 @@ def diagnose_logs(
     require_writable(out / DOCUMENT)
     robot = load_robot(model)
     recordings = dict(zip(run_names(logs), read_runs(logs, robot), strict=True))
-    with steps() as progress:
+    # Simulation and most of a design is outside the interpreter, and looks at nothing of the rest.
+    with steps() as progress, ThreadPoolExecutor(1) as aside:
+        as_given = aside.submit(gap_as_given, robot, recordings, jobs)
         with progress.step("diagnose"):
             try:
                 diagnosis = diagnose(robot, recordings, without)
@@ -50,9 +52,8 @@ def diagnose_logs(
                 raise by_path(error, logs) from None
         with progress.step("corrected simulator"):
             not_in_mjcf = write_corrected(diagnosis, out / "corrected.xml")
-        # Most of both is outside the interpreter, and neither looks at the other.
-        with progress.step("closed loop and next experiment"), ThreadPoolExecutor(1) as aside:
-            closed = aside.submit(forward_gap, diagnosis, recordings, jobs)
+        with progress.step("closed loop and next experiment"):
+            closed = aside.submit(forward_gap, diagnosis, recordings, as_given.result(), jobs)
             # Most of a second to import, of which none is waited for here.
             aside.submit(import_module, ".report", __package__)
             experiment = next_experiment(diagnosis, seed)

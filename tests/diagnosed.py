@@ -8,6 +8,7 @@ import numpy as np
 from diagnosis.candidates import Candidate, candidate
 from diagnosis.evidence import design, fit
 from diagnosis.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
+from diagnosis.forward import ForwardGap, forward_gap, gap_as_given
 from diagnosis.linearisation import first_linearised
 from diagnosis.localisation import where
 from diagnosis.preparation import Prepared, prepare
@@ -125,3 +126,8 @@ def _best(
         return float(np.sum(np.log(np.sum(residual**2, axis=0))))
 
     return min(tried, key=left)
+
+
+def in_closed_loop(answer: Diagnosis, runs: Mapping[str, Recording]) -> ForwardGap | None:
+    """The gap in closed loop at all stages, by one thread."""
+    return forward_gap(answer, runs, gap_as_given(answer.robot, runs, 1), 1)

@@ -6,12 +6,11 @@ import pytest
 
 from diagnosis.document import write_diagnosis
 from diagnosis.findings import Diagnosis
-from diagnosis.forward import forward_gap
 from testbench.effects import injection
 from testbench.log import Recording, write_log
 from testbench.robot import Robot, load_robot
 
-from ..diagnosed import diagnosed, simulated_runs
+from ..diagnosed import diagnosed, in_closed_loop, simulated_runs
 from .arm import ARM, LIFT
 
 
@@ -38,6 +37,6 @@ def answer(robot: Robot, runs: dict[str, Recording]) -> Diagnosis:
 @pytest.fixture(scope="package")
 def folder(answer: Diagnosis, runs: dict[str, Recording], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("diagnosis")
-    write_diagnosis(answer, out / "diagnosis.json", ("something",), forward_gap(answer, runs, 1))
+    write_diagnosis(answer, out / "diagnosis.json", ("something",), in_closed_loop(answer, runs))
     write_log(runs["run_3"], out / "unseen.h5")
     return out

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from diagnosis.findings import Diagnosis
-from diagnosis.forward import forward_gap
 from diagnosis.remedy import corrections, write_corrected
 from testbench.log import Recording
 from testbench.robot import Robot
 
+from ..diagnosed import in_closed_loop
 from .arm import LIFT
 
 
@@ -39,7 +39,7 @@ def test_injections_carry_the_named_values(answer: Diagnosis) -> None:
 
 
 def test_closed_loop_gap_shrinks_with_the_effect(answer: Diagnosis, runs: dict[str, Recording]) -> None:
-    gap = forward_gap(answer, {"run_3": runs["run_3"]}, 1)
+    gap = in_closed_loop(answer, {"run_3": runs["run_3"]})
     assert gap is not None
     assert not gap.failed
     assert gap.torque["effects"][LIFT] < 0.6 * gap.torque["parameters"][LIFT]
@@ -47,5 +47,5 @@ def test_closed_loop_gap_shrinks_with_the_effect(answer: Diagnosis, runs: dict[s
 
 
 def test_no_closed_loop_without_a_known_controller(answer: Diagnosis, runs: dict[str, Recording]) -> None:
-    assert forward_gap(answer, {"run_1": replace(runs["run_1"], controller=None)}) is None
-    assert forward_gap(answer, {"run_1": replace(runs["run_1"], reference_position=None)}) is None
+    assert in_closed_loop(answer, {"run_1": replace(runs["run_1"], controller=None)}) is None
+    assert in_closed_loop(answer, {"run_1": replace(runs["run_1"], reference_position=None)}) is None

@@ -11,7 +11,6 @@ from rich.console import Console
 
 from diagnosis.document import diagnosis_document
 from diagnosis.findings import Diagnosis
-from diagnosis.forward import forward_gap
 from diagnosis.report.page import render
 from diagnosis.report.session import write_session
 from diagnosis.report.summary import summary
@@ -19,12 +18,12 @@ from testbench.log import Recording
 from testbench.recording import POSE_RATE
 from testbench.robot import Robot
 
-from ..diagnosed import diagnosed
+from ..diagnosed import diagnosed, in_closed_loop
 from ..html_page import Page
 
 
 def test_page_shows_every_section_without_network(answer: Diagnosis, runs: dict[str, Recording]) -> None:
-    text = render(answer, "today", ("nothing carries it",), forward_gap(answer, runs, 1))
+    text = render(answer, "today", ("nothing carries it",), in_closed_loop(answer, runs))
     page = Page(text)
     assert page.sources == []
     assert {"where", "evidence", "waterfall", "gap", "signature-0", "residual", "forward"} <= page.ids
