@@ -16,6 +16,8 @@ from .weighing import Stage
 
 # Cycles a revolution.
 SLOWEST_RIPPLE = 10.0
+# A spring that explains this share of a joint's squared residual is one, though not quite by its law.
+ONE_LAW = 0.995
 # Squared residual that is left where a joint's own elasticity is all that gives way, as a share of what
 # re-identification leaves.
 ELASTIC_LEFT = 0.16
@@ -47,6 +49,19 @@ class Accepted:
     is_everywhere: bool = False
 
 
+def without_rests(accepted: Sequence[Accepted]) -> list[Accepted]:
+    """What was taken in, without laws of position that mend another one of their joint.
+
+    No counterbalance is quite a sine: where one law all but explains what is left, the others are its rest.
+    """
+
+    def is_rest(item: Accepted) -> bool:
+        others = (a for a in accepted if _is_other_law(a, item))
+        return _is_of_position(item) and any(a.share > max(item.share, ONE_LAW) for a in others)
+
+    return [item for item in accepted if not is_rest(item)]
+
+
 def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
     """Joints at which it takes two laws of position: together they are one that no catalogue holds.
 
@@ -54,7 +69,7 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
     """
     found = []
     for joint in range(first.prepared.joints):
-        laws = [a for a in accepted if a.named and a.candidate.family.joint == joint and _is_of_position(a)]
+        laws = [a for a in accepted if a.candidate.family.joint == joint and _is_of_position(a)]
         if len({item.candidate.family.effect for item in laws}) > 1:
             found.append(Unclaimed(joint, "position", 1 - float(share_left(first, last)[joint])))
     return tuple(found)
@@ -88,6 +103,12 @@ def out_of_bounds(
 
 
 def _is_of_position(item: Accepted) -> bool:
-    """A spring, or a ripple too slow for the teeth of any gear."""
+    """Whether it is named, and a spring, or a ripple too slow for the teeth of any gear."""
     slow = item.candidate.member.shape.get("cycles", np.inf) < SLOWEST_RIPPLE
-    return item.candidate.family.effect in SPRINGS or slow
+    return item.named and (item.candidate.family.effect in SPRINGS or slow)
+
+
+def _is_other_law(one: Accepted, other: Accepted) -> bool:
+    """Whether the first is a law of position, of another effect of the second's joint."""
+    a, b = one.candidate.family, other.candidate.family
+    return _is_of_position(one) and a.joint == b.joint and a.effect != b.effect

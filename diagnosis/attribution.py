@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
-from .accepted import Accepted, laws_of_position, out_of_bounds, resonances
+from .accepted import Accepted, laws_of_position, out_of_bounds, resonances, without_rests
 from .bank import Bank
 from .candidates import EVENT, SATURATION, Candidate, candidates
 from .evidence import Design, Fit, fitted_to, standard_values
@@ -147,6 +147,9 @@ def _grown(
         if found.is_last:
             break
     accepted, hypothesis, fitted = _pruned(base, sized, accepted, hypothesis, fitted)
+    if len(kept := without_rests(accepted)) < len(accepted):
+        accepted = kept
+        hypothesis, fitted = fitted_to(base.prepared, [a.candidate for a in accepted])
     if SATURATION not in without:
         accepted, hypothesis, fitted = _with_flat_tops(accepted, hypothesis, fitted)
     last = stage if hypothesis is stage.hypothesis else Stage(base, hypothesis, fitted)

@@ -1,6 +1,6 @@
 """Whether what was taken in is one joint's, or how all joints of this robot are imperfect."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from testbench.robot import Robot
 
 from .accepted import Accepted
 from .candidates import Candidate
-from .healthy import BRISTLES, SPRINGS, times_healthy
+from .healthy import BENDING, BRISTLES, SPRINGS, times_healthy
 from .likelihood import Weighed
 from .materiality import BEYOND, SMALLEST_SHARE, SMALLEST_WALD
 from .weighing import Stage
@@ -25,9 +25,10 @@ UNEVEN = ("stribeck_friction", "nonlinear_viscous_friction", "transmission_rippl
 FRICTION = (*UNEVEN, BRISTLES, "asymmetric_friction", "load_dependent_friction")
 SUCH_JOINTS = 2
 ALIKE = ((UNEVEN, FRICTION, 0.38, np.inf), (SPRINGS, (*FRICTION, *SPRINGS), 0.8, 7.5))
-# But Stribeck friction is one joint's where it is certainly so many times a healthy one's, and twice as many
-# as the other joints' friction: of a joint that carries little torque, a little of it is more.
-ONE_JOINTS, FAR_BEYOND, TWICE = "stribeck_friction", 2.0, 2.0
+# But what its joint carries little torque beside, or its parameters take up, is one joint's where it is
+# certainly so many times a healthy one's, and so many times as far beyond as the other joints' friction:
+# each joint's bends a little.
+ONE_JOINTS: Mapping[str, tuple[float, float]] = {"stribeck_friction": (2.0, 2.0), BENDING: (2.0, 6.0)}
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: they
 # have a name where they are this share of their joint's torque; or where others are not surely as large and
 # Wald's statistic tells them, so many times that of any other joint, or they are this share of the rest.
@@ -95,12 +96,14 @@ def _seen(
 
 
 def _is_of_one(robot: Robot, place: int, open_: Sequence[Weighed], last: Stage) -> bool:
-    """Whether the last hypothesis's effect here is Stribeck friction far beyond the other joints'."""
-    if last.hypothesis.accepted[place].family.effect != ONE_JOINTS:
+    """Whether the last hypothesis's effect here is friction far beyond the other joints'."""
+    effect = last.hypothesis.accepted[place].family.effect
+    if effect not in ONE_JOINTS:
         return False
+    far_beyond, as_others = ONE_JOINTS[effect]
     own, others = _seen(robot, place, [each for each in FRICTION if each != BRISTLES], open_, last)
     most = max((each.times for each in others if each.wald > SMALLEST_WALD), default=0.0)
-    return own.times * (1 - BEYOND / np.sqrt(own.wald)) > FAR_BEYOND and own.times > TWICE * most
+    return own.times * (1 - BEYOND / np.sqrt(own.wald)) > far_beyond and own.times > as_others * most
 
 
 def _are_bristles_of_all(

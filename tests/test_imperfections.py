@@ -92,10 +92,19 @@ def _is_of_one(robot: Robot, name: str, times: float, torque: float, others: tup
 
 
 @pytest.mark.parametrize(
-    ("times", "others", "named"), [(3.0, 0.5, True), (3.0, 2.5, False), (1.8, 0.5, False)]
+    ("name", "times", "others", "named"),
+    [
+        ("stribeck_friction", 3.0, 0.5, True),
+        ("stribeck_friction", 3.0, 2.5, False),
+        ("stribeck_friction", 1.8, 0.5, False),
+        # Each joint's friction bends a little.
+        ("nonlinear_viscous_friction", 3.0, 0.4, True),
+        ("nonlinear_viscous_friction", 3.0, 0.6, False),
+        ("nonlinear_viscous_friction", 1.8, 0.1, False),
+    ],
 )
-def test_stribeck_friction_far_beyond_the_other_joints_friction_is_one_joints(scara, times, others, named):
-    assert _is_of_one(scara, "stribeck_friction", times, 0.01, ("transmission_ripple", others)) == named
+def test_friction_far_beyond_the_other_joints_is_one_joints(scara, name, times, others, named):
+    assert _is_of_one(scara, name, times, 0.01, ("transmission_ripple", others)) == named
 
 
 @pytest.mark.parametrize(("others", "named"), [(1.5, False), (0.5, True)])

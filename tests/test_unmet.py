@@ -6,7 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.accepted import RESONANCE, Accepted, out_of_bounds, resonances
+from diagnosis.accepted import (
+    RESONANCE,
+    Accepted,
+    laws_of_position,
+    out_of_bounds,
+    resonances,
+    without_rests,
+)
 from diagnosis.attribution import attribute
 from diagnosis.candidates import candidates
 from diagnosis.diagnose import diagnose
@@ -45,6 +52,21 @@ def test_several_elastic_joints_that_explain_badly_are_a_resonance(prepared, joi
     found = resonances(first, last, items)
     assert [each.joint for each in found] == expected
     assert all(each.regime == RESONANCE for each in found)
+
+
+@pytest.mark.parametrize(
+    ("share", "kept", "joints"),
+    [(0.998, ["gravity_spring"], []), (0.9, ["gravity_spring", "cable_spring"], [1])],
+)
+def test_two_laws_of_position_are_none_unless_one_all_but_explains_the_joint(prepared, share, kept, joints):
+    spring, cable = (
+        next(c for c in candidates(prepared, only=[name]) if c.family.joint == 1)
+        for name in ("gravity_spring", "cable_spring")
+    )
+    found = without_rests([replace(_accepted(spring), share=share), replace(_accepted(cable), share=0.7)])
+    assert [each.candidate.family.effect for each in found] == kept
+    first = Stage.of(ground(prepared), [])
+    assert [each.joint for each in laws_of_position(first, first, found)] == joints
 
 
 @pytest.mark.parametrize(("relative", "expected"), [(0.1, []), (-0.48, [1])])
