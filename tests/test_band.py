@@ -78,7 +78,7 @@ def test_behind_its_band_a_joints_torque_is_as_noisy_as_allowed(robot: Robot, sm
 def test_what_encoders_seem_to_add_is_told_where_the_band_is_the_widest_too(
     robot: Robot, smooth: Motion
 ) -> None:
-    quiet, loud = (joint_bands(robot, [noisy(smooth, deviation)], 20.0) for deviation in (1e-5, 3e-5))
+    quiet, loud = (joint_bands(robot, [noisy(smooth, deviation)], 20.0) for deviation in (5e-6, 1.5e-5))
     np.testing.assert_array_equal(loud.cutoff, 20.0)
     np.testing.assert_allclose(loud.encoder_torque, 3 * quiet.encoder_torque, rtol=0.1)
 
