@@ -47,50 +47,38 @@ class ForwardGap:
     failed: dict[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class StageGap:
-    """Simulated less logged at one stage, as in ForwardGap; failed: why it did not run, "" if it did."""
-
-    motion: Array
-    torque: Array
-    failed: str = ""
-
-
 def gap_as_given(
     robot: Robot, recordings: Mapping[str, Recording], jobs: int | None = None
-) -> StageGap | None:
-    """The gap of the model as given, which no diagnosis is needed for; None where no log tells its loop."""
+) -> ForwardGap | None:
+    """The gap of the model as given alone, which needs no diagnosis; None where no log tells its loop.
+
+    A run counts when it has a reference and a controller of a kind that the simulator knows. jobs: threads.
+    """
     chosen = _chosen(recordings)
-    return _gap_of(robot, lambda: (robot, ()), chosen, jobs) if chosen else None
+    if not chosen:
+        return None
+    gap = ForwardGap(tuple(chosen), sum(map(_length, chosen.values())), {}, {})
+    return _with_stage(gap, STAGES[0], robot, lambda: (robot, ()), recordings, jobs)
 
 
 def forward_gap(
     diagnosis: Diagnosis,
     recordings: Mapping[str, Recording],
-    as_given: StageGap | None,
+    as_given: ForwardGap | None,
     jobs: int | None = None,
 ) -> ForwardGap | None:
     """The gap of the model as given, re-identified, and corrected; None where no log tells its loop.
 
-    A run counts when it has a reference and a controller of a kind that the simulator knows. as_given: of
-    ``gap_as_given`` for the same runs. jobs: threads.
+    as_given: of ``gap_as_given`` for the same recordings. jobs: threads.
     """
     if as_given is None:
         return None
-    chosen = _chosen(recordings)
-    gaps = {STAGES[0]: as_given}
+    gap = as_given
     with tempfile.TemporaryDirectory() as folder:
         for stage in STAGES[1:]:
             of_stage = partial(_stage, diagnosis, stage, Path(folder))
-            gaps[stage] = _gap_of(diagnosis.robot, of_stage, chosen, jobs)
-    ran = {stage: gap for stage, gap in gaps.items() if not gap.failed}
-    return ForwardGap(
-        runs=tuple(chosen),
-        seconds=float(sum(_length(recording) for recording in chosen.values())),
-        motion={stage: gap.motion for stage, gap in ran.items()},
-        torque={stage: gap.torque for stage, gap in ran.items()},
-        failed={stage: gap.failed for stage, gap in gaps.items() if gap.failed},
-    )
+            gap = _with_stage(gap, stage, diagnosis.robot, of_stage, recordings, jobs)
+    return gap
 
 
 def _chosen(recordings: Mapping[str, Recording]) -> dict[str, Recording]:
@@ -108,19 +96,23 @@ def _length(recording: Recording) -> float:
     return float(recording.time[-1] - recording.time[0])
 
 
-def _gap_of(
+def _with_stage(
+    gap: ForwardGap,
+    name: str,
     nominal: Robot,
     stage: Callable[[], tuple[Robot, tuple[Injection, ...]]],
-    chosen: Mapping[str, Recording],
+    recordings: Mapping[str, Recording],
     jobs: int | None,
-) -> StageGap:
-    """The gap of a robot with what is injected into it, whose controller knows the nominal one."""
+) -> ForwardGap:
+    """The gap with one more stage: a robot and what is injected. nominal: what its controller knows."""
+    chosen = {run: recordings[run] for run in gap.runs}
     try:
         runs = _simulated(nominal, *stage(), chosen, jobs)
     except InputError as error:
-        nothing = np.full(nominal.joints, np.nan)
-        return StageGap(nothing, nothing, f"{error.field}: expected {error.expected}, got {error.got}")
-    return StageGap(*_difference(runs, list(chosen.values())))
+        why = f"{error.field}: expected {error.expected}, got {error.got}"
+        return replace(gap, failed=gap.failed | {name: why})
+    motion, torque = _difference(runs, list(chosen.values()))
+    return replace(gap, motion=gap.motion | {name: motion}, torque=gap.torque | {name: torque})
 
 
 def _tells_its_loop(recording: Recording) -> bool:
