@@ -317,6 +317,17 @@ def test_keyframes_follow_an_offset_and_meshes_are_found_from_another_folder(tmp
     np.testing.assert_allclose(mujoco.MjModel.from_xml_path(str(out)).key_qpos[0], [0.1, 0.24, 0.3])
 
 
+def test_a_model_that_needs_no_files_is_written_without_a_folder(tmp_path):
+    texture = '<asset><texture type="2d" builtin="flat" name="grey" width="4" height="4"/></asset>'
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "arm.xml").write_text(
+        ARM.format(angle="radian", range=3, friction="").replace("<worldbody>", f"{texture}<worldbody>")
+    )
+    robot = load_robot(tmp_path / "in" / "arm.xml")
+    write_effects(robot, [somewhere(robot, "encoder_offset", offset=0.04)], tmp_path / "out.xml")
+    assert "dir=" not in (tmp_path / "out.xml").read_text()
+
+
 def test_effects_are_written_together_and_numbers_in_full(arm, tmp_path):
     texts = ("torque_gain_error:lift:relative=0.0123456789", "torque_delay::delay=0.0031", "payload")
     out = tmp_path / "out.xml"

@@ -33,7 +33,7 @@ def write_effects(robot: Robot, injections: Sequence[Injection], out: str | Path
     home = robot.path.resolve().parent
     for folder in ("meshdir", "texturedir"):
         found = home / getattr(spec, folder)
-        if spec.meshes or spec.textures or spec.hfields:
+        if _refers_to_files(spec):
             setattr(spec, folder, os.path.relpath(found, out.resolve().parent))
     spec.compiler.savecompiled = False
     text = _compiled(spec, robot, out.resolve().parent).to_xml()
@@ -87,6 +87,12 @@ def file_angle(spec: Any, robot: Robot, joint: int, value: float) -> float:
     if robot.chain.is_slide[joint] or not spec.compiler.degree:
         return value
     return float(np.rad2deg(value))
+
+
+def _refers_to_files(spec: Any) -> bool:
+    """Whether some mesh, texture or height field is read from a file, and is not written in the model."""
+    files = [asset.file for asset in (*spec.meshes, *spec.textures, *spec.hfields)]
+    return any(files) or any(any(texture.cubefiles) for texture in spec.textures)
 
 
 def _compiled(spec: Any, robot: Robot, folder: Path) -> Any:
