@@ -8,8 +8,9 @@ import numpy as np
 from testbench.robot import Robot
 
 from .candidates import Candidate
-from .evidence import Design, Fit
+from .evidence import Fit
 from .healthy import ELASTIC, SPRINGS, is_plausible
+from .hypothesis import Design
 from .likelihood import Weighed
 from .unclaimed import NOTHING, Unclaimed, share_left
 from .weighing import Stage

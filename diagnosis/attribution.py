@@ -17,12 +17,13 @@ from testbench.robot import Robot
 from .accepted import Accepted, laws_of_position, out_of_bounds, resonances, without_rests
 from .bank import Bank
 from .candidates import EVENT, SATURATION, Candidate, candidates
-from .evidence import Design, Fit, fitted_to, standard_values
+from .evidence import Fit, fitted_to, standard_values
 from .flat_top import flat_tops
 from .folds import covered, covered_for
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .healthy import with_friction
+from .hypothesis import Design
 from .imperfections import of_one_joint
 from .likeliest_shapes import at_likeliest_shapes
 from .likelihood import Weighed, gained, weigh

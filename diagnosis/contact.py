@@ -12,7 +12,8 @@ from testbench.effects.logged import Logged
 
 from .bank import Bank
 from .candidates import Candidate, Place, in_parallel
-from .evidence import Design, Fit, squares, standard_values
+from .evidence import Fit, squares, standard_values
+from .hypothesis import Design
 from .likelihood import Weighed, log_of_squares, odds
 from .unclaimed import fitted_shares, foretold_shares
 from .weighing import Gain, Stage

@@ -11,8 +11,9 @@ from identification.errors import InputError
 from identification.parameters import PER_JOINT
 from testbench.robot import Limits
 
-from .evidence import Design, Fit
+from .evidence import Fit
 from .findings import Diagnosis
+from .hypothesis import Design
 
 Array = NDArray[np.float64]
 

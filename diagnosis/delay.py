@@ -11,8 +11,9 @@ from scipy.optimize import minimize_scalar
 from testbench.effects import effect
 
 from .bounded import solve
-from .evidence import DELAY, Design, Fit, Normal, bounds, design, log_prior, scaled_precision
+from .evidence import Fit, Normal
 from .ground import ground
+from .hypothesis import DELAY, Design, bounds, design, log_prior, scaled_precision
 from .likelihood import log_of_squares
 from .preparation import Run
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Member
 
 from .candidates import Candidate, candidate
-from .evidence import Design, Fit, Normal, scaled_precision
+from .evidence import Fit, Normal
+from .hypothesis import Design, scaled_precision
 from .shape_search import ranges, share_of, within
 
 Array = NDArray[np.float64]

@@ -12,8 +12,9 @@ from testbench.robot import Robot
 from .accepted import RESONANCE, Accepted
 from .attribution import CONFUSABLE, Attribution, attribute
 from .deviations import covariance_with_shapes
-from .evidence import Design, Fit, on_whole_runs, standard_values
+from .evidence import Fit, on_whole_runs, standard_values
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
+from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
 from .naming import names_that_hold

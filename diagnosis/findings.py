@@ -10,7 +10,8 @@ from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
 from .candidates import Candidate
-from .evidence import Design, Fit
+from .evidence import Fit
+from .hypothesis import Design
 from .preparation import Prepared
 from .recurrence import Recurrence
 

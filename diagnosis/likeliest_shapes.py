@@ -12,9 +12,10 @@ from testbench.robot import Robot
 
 from .candidates import Candidate, candidate
 from .deviations import covariance_with_shapes
-from .evidence import DELAY, Design, Fit, design, fit, fitted_to
+from .evidence import Fit, fit, fitted_to
 from .ground import ground
 from .healthy import is_plausible
+from .hypothesis import DELAY, Design, design
 from .shape_search import ranges, search, searched_for, share_of
 from .weighing import Stage
 

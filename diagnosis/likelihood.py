@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from .bank import Bank
 from .candidates import Candidate, Place
-from .evidence import Design, Fit, log_prior, squares
+from .evidence import Fit, squares
+from .hypothesis import Design, log_prior
 from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]

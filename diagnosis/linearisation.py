@@ -12,8 +12,9 @@ from testbench.effects.signature import Family
 
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
-from .evidence import DELAY, Design, Fit, fitted_to, standard_values
+from .evidence import Fit, fitted_to, standard_values
 from .ground import ground
+from .hypothesis import DELAY, Design
 from .preparation import Prepared
 from .prior import TIMING
 

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .evidence import Design, Fit
+from .evidence import Fit
 from .findings import RegimeShare, Share
+from .hypothesis import Design
 from .intervals import blocks, drawn_sums, interval
 from .preparation import Prepared, Run, filter_cutoff
 from .spectrum import FREQUENCY, PERIODIC, band_shares, periodic_share

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .candidates import Candidate
-from .evidence import DELAY, LATE
 from .healthy import (
     BENDING,
     BRISTLES,
@@ -25,6 +24,7 @@ from .healthy import (
     SPRINGS,
     is_beyond_healthy,
 )
+from .hypothesis import DELAY, LATE
 from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
 from .linearisation import TRANSMISSIONS
 from .weighing import Gain, Stage

@@ -13,10 +13,11 @@ from testbench.robot import Robot
 
 from .accepted import Accepted
 from .candidates import SATURATION
-from .evidence import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design, Fit, fitted_to, squares
+from .evidence import Fit, fitted_to, squares
 from .findings import Gap
 from .ground import Ground
 from .healthy import is_beyond_healthy, is_excessive
+from .hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import is_main, is_obvious
 from .round import Found

@@ -11,7 +11,8 @@ from scipy.optimize import minimize
 from testbench.effects.push import ABRUPT, BELL, KINDS, common_times, narrowed
 
 from .candidates import Candidate, candidate
-from .evidence import Design, Fit
+from .evidence import Fit
+from .hypothesis import Design
 
 Array = NDArray[np.float64]
 

@@ -19,8 +19,9 @@ from testbench.model_file import write_model
 from testbench.robot import Robot, load_robot
 
 from .correction import corrected_model
-from .evidence import Design, Fit
+from .evidence import Fit
 from .findings import Diagnosis, NamedEffect
+from .hypothesis import Design
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,9 @@ from testbench.robot import Robot
 from .bank import Bank
 from .candidates import EVENT, SATURATION
 from .contact import contact, explains_all_bursts, is_in_bursts_at_several
-from .evidence import Design, Fit
+from .evidence import Fit
 from .healthy import is_beyond_healthy, is_plausible
+from .hypothesis import Design
 from .likelihood import Weighed, weigh
 from .linearisation import bends_parameters
 from .materiality import SMALLEST_GAIN, SMALLEST_WALD, is_material

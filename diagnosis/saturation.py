@@ -19,7 +19,7 @@ from testbench.effects.signature import Family
 from .bank import Bank
 from .bounded import solve
 from .candidates import SATURATION, Candidate, candidate
-from .evidence import log_prior
+from .hypothesis import log_prior
 from .likelihood import Weighed, log_of_squares
 from .preparation import Prepared
 from .unclaimed import foretold_shares

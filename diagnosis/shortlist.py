@@ -11,9 +11,10 @@ from testbench.robot import Robot
 from .bank import Bank
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
-from .evidence import DELAY, Design, Fit
+from .evidence import Fit
 from .ground import Ground
 from .healthy import is_plausible
+from .hypothesis import DELAY, Design
 from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price
 from .linearisation import bends_parameters, linearised_anew
 from .shape_search import search

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from .bank import Bank
 from .candidates import FREE
-from .evidence import DELAY, LATE, design, fit, is_extrapolated, squares
+from .evidence import fit, is_extrapolated, squares
 from .generic import RUN_TIME
 from .healthy import SPRINGS
+from .hypothesis import DELAY, LATE, design
 from .likelihood import weigh
 from .localisation import regime_shares
 from .noise import noise_rms

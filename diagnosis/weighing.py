@@ -15,18 +15,9 @@ from .active_set import Inverse, at_bounds
 from .bank import Bank
 from .bounded import minimisers, solve
 from .candidates import Candidate
-from .evidence import (
-    Design,
-    Fit,
-    Normal,
-    design,
-    fit,
-    fitted_to,
-    log_prior,
-    scaled_precision,
-    squares,
-)
+from .evidence import Fit, Normal, fit, fitted_to, squares
 from .ground import Ground
+from .hypothesis import Design, design, log_prior, scaled_precision
 
 Array = NDArray[np.float64]
 

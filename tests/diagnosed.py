@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.candidates import Candidate, candidate
-from diagnosis.evidence import design, fit
+from diagnosis.evidence import fit
 from diagnosis.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
 from diagnosis.forward import ForwardGap, forward_gap, gap_as_given
+from diagnosis.hypothesis import design
 from diagnosis.linearisation import first_linearised
 from diagnosis.localisation import where
 from diagnosis.preparation import Prepared, prepare

@@ -7,8 +7,9 @@ import pytest
 
 from diagnosis.bank import Bank
 from diagnosis.candidates import candidates
-from diagnosis.evidence import design, fitted_to
+from diagnosis.evidence import fitted_to
 from diagnosis.ground import ground
+from diagnosis.hypothesis import design
 from diagnosis.likelihood import weigh
 from diagnosis.preparation import prepare
 from diagnosis.shortlist import choose, refined_again

@@ -9,8 +9,9 @@ from scipy.optimize import lsq_linear
 from diagnosis.bank import Bank
 from diagnosis.bounded import solve
 from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to, scaled_precision, squares
+from diagnosis.evidence import fitted_to, squares
 from diagnosis.ground import ground
+from diagnosis.hypothesis import scaled_precision
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection

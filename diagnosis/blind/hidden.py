@@ -9,7 +9,8 @@ from scipy.ndimage import maximum_filter1d
 
 from diagnosis.correction import Corrected
 from diagnosis.decimation import decimating_filter
-from diagnosis.evidence import design, fit
+from diagnosis.evidence import fit
+from diagnosis.hypothesis import design
 from diagnosis.predict import PredictedTorque, predict_torque
 from diagnosis.preparation import DEAD_ZONE, REACH_PERIODS, filter_cutoff, prepare
 from identification.differentiation import differentiate

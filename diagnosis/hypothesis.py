@@ -1,0 +1,135 @@
+"""A hypothesis: which effects act on the runs, its unknowns, their prior and their bounds.
+
+Unknowns are the deviations of the standard parameters from the model's, held back by the prior of
+prior.py, a common timing error, and the coefficients of the effects taken in so far.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .candidates import Candidate
+from .ground import ground
+from .preparation import Prepared
+
+Array = NDArray[np.float64]
+
+# Independent samples per decimated one: the widest low-pass leaves about a quarter of the decimated band to
+# noise, and what is left beside noise is coloured too.
+INDEPENDENT = 0.25
+# So many of them, three seconds of motion, tell little more than a joint's own parameters; half as many tell
+# what is next to all that those leave.
+FEWEST_INDEPENDENT, FEWEST_OF_ALL = 80.0, 40.0
+# Deviation of a push, in units of the strongest joint's RMS torque.
+LARGEST_PUSH = 3.0
+DELAY, NO_TIMING = "torque_delay", 1e-8
+# Seconds: torque and position are sampled less than this apart.
+LATE = 2.4e-3
+
+
+@dataclass(frozen=True)
+class Design:
+    """The hypothesis that these effects act on the prepared runs, and no other.
+
+    accepted: the effects. precision: (p,) prior precision of each unknown, 0 for none.
+    """
+
+    prepared: Prepared
+    accepted: tuple[Candidate, ...]
+    precision: Array
+
+    @property
+    def parameters(self) -> int:
+        """Number of unknowns before the effects' coefficients."""
+        return ground(self.prepared).parameters
+
+    @property
+    def gap(self) -> tuple[Array, ...]:
+        """Torque less the model's, a run (M, n) N·m."""
+        return ground(self.prepared).gap
+
+    @property
+    def used(self) -> tuple[NDArray[np.bool_], ...]:
+        """The samples that count, a run (M, n)."""
+        return tuple(run.used for run in self.prepared.runs)
+
+    @property
+    def counts(self) -> Array:
+        """How many samples of each joint count, (n,)."""
+        return np.sum([np.sum(used, axis=0) for used in self.used], axis=0).astype(np.float64)
+
+    @property
+    def independent(self) -> Array:
+        """How many independent samples that is, (n,)."""
+        return min(INDEPENDENT * self.prepared.thinning, 1.0) * self.prepared.band * self.counts
+
+    @property
+    def is_told(self) -> NDArray[np.bool_]:
+        """Whether enough of these runs tells of each joint for anything there to have a name, (n,)."""
+        return self.independent >= FEWEST_INDEPENDENT
+
+    @property
+    def parts(self) -> tuple[slice, ...]:
+        """Where each effect's coefficients are among the unknowns."""
+        ends = np.cumsum([self.parameters, *(c.count for c in self.accepted)]).tolist()
+        return tuple(slice(first, last) for first, last in pairwise(ends))
+
+    def added(self, run: int) -> Array:
+        """The effects' columns along one run, (M, n, k)."""
+        run_gap = self.gap[run]
+        return np.concatenate(
+            [np.zeros((*run_gap.shape, 0)), *(c.columns[run] for c in self.accepted)], axis=2
+        )
+
+    def added_rows(self) -> list[list[Array]]:
+        """The used rows of the effects' columns, (m, k): a fold, a joint."""
+        return ground(self.prepared).rows([self.added(run) for run in range(len(self.gap))])
+
+
+def design(prepared: Prepared, accepted: Sequence[Candidate] = (), is_delayed: bool = False) -> Design:
+    """The hypothesis that these effects act, and no other. is_delayed: but for a delay, known apart."""
+    # A window in which next to nothing counts must not hold a push without bounds.
+    push = (LARGEST_PUSH * float(ground(prepared).torque_rms.max())) ** -2.0
+    free = [np.full(c.count, push if c.is_event else 0.0) for c in accepted]
+    precision = np.concatenate([ground(prepared).precision, *free])
+    if is_delayed or any(c.family.effect == DELAY for c in accepted):
+        # A delay that is an effect leaves none to the way the log was taken.
+        precision[ground(prepared).parameters - 1] = NO_TIMING**-2
+    return Design(prepared, tuple(accepted), precision)
+
+
+def prior_distance(hypothesis: Design, values: Array) -> Array:
+    """Squared distance of parameters (p, ...) from the model's, in units of the prior; timing apart."""
+    timing = hypothesis.parameters - 1
+    standard = np.delete(hypothesis.precision, timing)
+    return standard @ np.delete(values, timing, axis=0) ** 2
+
+
+def log_prior(hypothesis: Design, values: Array) -> Array:
+    """Log-prior of parameters (p, ...), its common scale integrated out; up to a constant."""
+    timing, freedom = hypothesis.parameters - 1, determined(hypothesis.prepared)
+    late = values[timing] ** 2 * hypothesis.precision[timing]
+    return -0.5 * freedom * np.log(freedom + prior_distance(hypothesis, values)) - 0.5 * late
+
+
+def scaled_precision(hypothesis: Design, scale: float) -> Array:
+    """Prior precision (p,) at a common variance scale; when torques are sampled has nothing to do with it."""
+    scaled = hypothesis.precision / scale
+    scaled[hypothesis.parameters - 1] *= scale
+    return scaled
+
+
+def bounds(hypothesis: Design) -> tuple[Array, Array]:
+    """What the unknowns may be, two of (p,): standard parameters anything."""
+    unbounded = np.full(hypothesis.parameters, np.inf)
+    lower = np.concatenate([-unbounded, *(c.member.lower for c in hypothesis.accepted)])
+    upper = np.concatenate([unbounded, *(c.member.upper for c in hypothesis.accepted)])
+    return lower, upper
+
+
+def determined(prepared: Prepared) -> float:
+    """How many parameters the data can move: about nine of fourteen a joint."""
+    return 9.0 * prepared.joints
