@@ -19,10 +19,14 @@ from .weighing import Stage
 SLOWEST_RIPPLE = 10.0
 # A spring that explains this share of a joint's squared residual is one, though not quite by its law.
 ONE_LAW = 0.995
+# So many laws at one joint are one that no catalogue holds, and so many couplings no robot's drives, unless
+# one of them explains this share of the squared residual: the others are its rests.
+MANY_LAWS, MANY_COUPLINGS, ALMOST_ALL = 4, 4, 0.95
 # Squared residual that is left where a joint's own elasticity is all that gives way, as a share of what
 # re-identification leaves.
 ELASTIC_LEFT = 0.16
-RESONANCE = "resonance with other joints"
+RESONANCE, MANY = "resonance with other joints", "motion by several laws at once"
+COUPLING = "joint_coupling"
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,31 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
         if len({item.candidate.family.effect for item in laws}) > 1:
             found.append(Unclaimed(joint, "position", 1 - float(share_left(first, last)[joint])))
     return tuple(found)
+
+
+def many_laws(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints with a name at which it takes many laws, named or not; all joints of many named couplings.
+
+    first, last: as above.
+    """
+    found: dict[int, list[Accepted]] = {}
+    for item in accepted:
+        for joint in {item.candidate.family.joint, item.candidate.family.into}:
+            if joint is not None:
+                found.setdefault(joint, []).append(item)
+    coupled = [a for a in accepted if a.named and a.candidate.family.effect == COUPLING]
+    joints = {
+        joint
+        for joint, items in found.items()
+        if (len(items) >= MANY_LAWS and any(a.named for a in items))
+        or (len(coupled) >= MANY_COUPLINGS and any(a in items for a in coupled))
+    }
+    left = share_left(first, last)
+    return tuple(
+        Unclaimed(joint, MANY, 1 - float(left[joint]))
+        for joint in sorted(joints)
+        if max(a.share for a in found[joint]) < ALMOST_ALL
+    )
 
 
 def resonances(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:

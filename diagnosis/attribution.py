@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
-from .accepted import Accepted, laws_of_position, out_of_bounds, resonances, without_rests
+from .accepted import Accepted, laws_of_position, many_laws, out_of_bounds, resonances, without_rests
 from .bank import Bank
 from .candidates import EVENT, SATURATION, Candidate, candidates
 from .evidence import Fit, fitted_to, standard_values
@@ -160,7 +160,8 @@ def _grown(
     accepted = of_one_joint(sized, told_apart_at_last(last, sized, accepted, weighed), open_, last)
     certain = [a.candidate for a in accepted if a.is_certain]
     sure = None if len(certain) == len(accepted) else Stage.of(base, certain)
-    imitated = (*laws_of_position(original, last, accepted), *resonances(original, last, accepted))
+    imitations = (laws_of_position, many_laws, resonances)
+    imitated = [each for kind in imitations for each in kind(original, last, accepted)]
     hidden = not_observable(sized, base.torque_rms, open_)
     hypothesis, fitted = at_likeliest_shapes(sized, hypothesis, fitted)
     accepted = as_fitted_at_last(sized, hypothesis, fitted, accepted)

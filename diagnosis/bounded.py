@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import lsq_linear
 
 Array = NDArray[np.float64]
@@ -25,6 +25,16 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
         left = right[~fixed] - matrix[np.ix_(~fixed, fixed)] @ lower[fixed]
         found[~fixed] = solve(matrix[np.ix_(~fixed, ~fixed)], left, lower[~fixed], upper[~fixed])
         return found
+    # What has no bounds comes first: of the rest alone Cholesky's last rows are the normal equations' root.
+    bounded = np.isfinite(lower) | np.isfinite(upper)
+    order, first = np.argsort(bounded, kind="stable"), len(lower) - int(bounded.sum())
+    found = np.empty(len(lower))
+    found[order] = _solve_last(matrix[np.ix_(order, order)], right[order], lower[order], upper[order], first)
+    return found
+
+
+def _solve_last(matrix: Array, right: Array, lower: Array, upper: Array, first: int) -> Array:
+    """The same, where only the unknowns from the first on have bounds, and none is fixed."""
     dead = np.diag(matrix) <= 0
     matrix = np.where(dead[:, None] | dead, 0.0, matrix)
     matrix[dead, dead] = 1.0
@@ -35,8 +45,11 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
     if np.all(free >= lower - 1e-12 * np.abs(free)) and np.all(free <= upper + 1e-12 * np.abs(free)):
         return free
     root = np.tril(factor[0])
-    target = np.linalg.solve(root, scale * right)
-    return scale * lsq_linear(root.T, target, bounds=(lower / scale, upper / scale), method="bvls").x
+    target = solve_triangular(root, scale * right, lower=True)
+    bounds = (lower / scale)[first:], (upper / scale)[first:]
+    last = lsq_linear(root[first:, first:].T, target[first:], bounds=bounds, method="bvls").x
+    rest = target[:first] - root[first:, :first].T @ last
+    return scale * np.append(solve_triangular(root[:first, :first], rest, lower=True, trans="T"), last)
 
 
 def _factor(scaled: Array) -> tuple[Array, bool]:

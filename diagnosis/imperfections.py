@@ -29,9 +29,11 @@ ALIKE = ((UNEVEN, FRICTION, 0.38, np.inf), (SPRINGS, (*FRICTION, *SPRINGS), 0.8,
 # certainly so many times a healthy one's, and so many times as far beyond as the other joints' friction:
 # each joint's bends a little.
 ONE_JOINTS: Mapping[str, tuple[float, float]] = {"stribeck_friction": (2.0, 2.0), BENDING: (2.0, 6.0)}
-# Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: they
-# have a name where they are this share of their joint's torque; or where others are not surely as large and
-# Wald's statistic tells them, so many times that of any other joint, or they are this share of the rest.
+# Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: up to
+# this share of their joint's torque they have no name where others surely give way this share as far; nor,
+# up to another, unless Wald's statistic tells them, so many times that of any other joint, or they are this
+# share of the rest.
+BRISTLES_OF_ALL, BRISTLES_ALIKE = 0.025, 0.5
 BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.85, 0.015
 
 
@@ -110,11 +112,15 @@ def _are_bristles_of_all(
     robot: Robot, place: int, item: Accepted, open_: Sequence[Weighed], last: Stage
 ) -> bool:
     """Whether this effect is bristles, little of its joint's torque and seen hardly better than others'."""
-    if item.candidate.family.effect != BRISTLES or np.sqrt(item.worth) > BRISTLES_TORQUE:
+    torque = float(np.sqrt(item.worth))
+    if item.candidate.family.effect != BRISTLES or torque > BRISTLES_OF_ALL:
         return False
     own, others = _seen(robot, place, [BRISTLES], open_, last)
-    if sum(each.wald > BRISTLES_WALD and each.times >= own.times for each in others) >= SUCH_JOINTS:
+    alike = [each for each in others if each.times >= BRISTLES_ALIKE * own.times]
+    if sum(each.wald > BRISTLES_WALD for each in alike) >= SUCH_JOINTS:
         return True
+    if torque > BRISTLES_TORQUE:
+        return False
     most = max((each.wald for each in others), default=0.0)
     return item.share <= BRISTLES_SHARE and own.wald <= max(BRISTLES_WALD, BRISTLES_ALONE * most)
 

@@ -107,8 +107,9 @@ def test_friction_far_beyond_the_other_joints_is_one_joints(scara, name, times, 
     assert _is_of_one(scara, name, times, 0.01, ("transmission_ripple", others)) == named
 
 
-@pytest.mark.parametrize(("others", "named"), [(1.5, False), (0.5, True)])
-def test_bristles_that_two_other_joints_have_as_large_are_no_one_joints(scara, others, named):
-    assert _is_of_one(scara, "presliding_hysteresis", 1.2, 0.01, ("presliding_hysteresis", others)) == named
+@pytest.mark.parametrize("torque", [0.01, 0.02])
+@pytest.mark.parametrize(("others", "named"), [(1.5, False), (0.7, False), (0.5, True)])
+def test_bristles_that_two_other_joints_have_too_are_no_one_joints(scara, torque, others, named):
+    assert _is_of_one(scara, "presliding_hysteresis", 1.2, torque, ("presliding_hysteresis", others)) == named
     # But for those that are much of its torque.
     assert _is_of_one(scara, "presliding_hysteresis", 1.2, 0.03, ("presliding_hysteresis", others))

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from diagnosis.accepted import (
+    MANY,
     RESONANCE,
     Accepted,
     laws_of_position,
+    many_laws,
     out_of_bounds,
     resonances,
     without_rests,
@@ -67,6 +69,39 @@ def test_two_laws_of_position_are_none_unless_one_all_but_explains_the_joint(pre
     assert [each.candidate.family.effect for each in found] == kept
     first = Stage.of(ground(prepared), [])
     assert [each.joint for each in laws_of_position(first, first, found)] == joints
+
+
+@pytest.mark.parametrize(
+    ("laws", "named", "share", "joints"),
+    [(4, True, 0.8, [1]), (3, True, 0.8, []), (4, False, 0.8, []), (4, True, 0.99, [])],
+)
+def test_many_laws_at_a_joint_with_a_name_are_none_unless_one_all_but_explains_it(
+    prepared, laws, named, share, joints
+):
+    effects = ("torque_gain_error", "load_dependent_friction", "stribeck_friction", "transmission_ripple")
+    taken_in = [
+        _accepted(next(c for c in candidates(prepared, only=[name]) if c.family.joint == 1), named=False)
+        for name in effects[:laws]
+    ]
+    taken_in[0] = replace(taken_in[0], named=named, share=share)
+    first = Stage.of(ground(prepared), [])
+    found = many_laws(first, first, taken_in)
+    assert [each.joint for each in found] == joints
+    assert all(each.regime == MANY for each in found)
+
+
+@pytest.mark.parametrize(("count", "joints"), [(3, []), (4, [0, 1, 2])])
+def test_many_couplings_are_no_drives(tmp_path, count, joints):
+    scara = small_arm(tmp_path, SCARA)
+    prepared = prepare(scara, simulated_runs(scara, [], runs=1))
+    coupling = candidates(prepared, only=["joint_coupling"])[0]
+    pairs = [(0, 1), (1, 2), (0, 2), (2, 1)]
+    taken_in = [
+        _accepted(replace(coupling, family=replace(coupling.family, joint=joint, into=into)))
+        for joint, into in pairs[:count]
+    ]
+    first = Stage.of(ground(prepared), [])
+    assert [each.joint for each in many_laws(first, first, taken_in)] == joints
 
 
 @pytest.mark.parametrize(("relative", "expected"), [(0.1, []), (-0.48, [1])])
