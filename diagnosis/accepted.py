@@ -85,24 +85,15 @@ def many_laws(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[
 
     first, last: as above.
     """
-    found: dict[int, list[Accepted]] = {}
-    for item in accepted:
-        for joint in {item.candidate.family.joint, item.candidate.family.into}:
-            if joint is not None:
-                found.setdefault(joint, []).append(item)
-    coupled = [a for a in accepted if a.named and a.candidate.family.effect == COUPLING]
-    joints = {
-        joint
-        for joint, items in found.items()
-        if (len(items) >= MANY_LAWS and any(a.named for a in items))
-        or (len(coupled) >= MANY_COUPLINGS and any(a in items for a in coupled))
-    }
-    left = share_left(first, last)
-    return tuple(
-        Unclaimed(joint, MANY, 1 - float(left[joint]))
-        for joint in sorted(joints)
-        if max(a.share for a in found[joint]) < ALMOST_ALL
-    )
+    coupled = [a for a in accepted if _is_coupling(a)]
+    left, found = share_left(first, last), []
+    for joint in range(first.prepared.joints):
+        laws = [a for a in accepted if joint in (a.candidate.family.joint, a.candidate.family.into)]
+        many = len(laws) >= MANY_LAWS and any(a.named for a in laws)
+        many |= len(coupled) >= MANY_COUPLINGS and any(_is_coupling(a) for a in laws)
+        if many and max(a.share for a in laws) < ALMOST_ALL:
+            found.append(Unclaimed(joint, MANY, 1 - float(left[joint])))
+    return tuple(found)
 
 
 def resonances(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
@@ -130,6 +121,11 @@ def out_of_bounds(
         if not is_plausible(robot, item.candidate, fitted.values[own]):
             found.append(Unclaimed(joint, NOTHING, item.share))
     return tuple(found)
+
+
+def _is_coupling(item: Accepted) -> bool:
+    """Whether it is named, and couples two joints."""
+    return item.named and item.candidate.family.effect == COUPLING
 
 
 def _is_of_position(item: Accepted) -> bool:

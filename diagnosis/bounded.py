@@ -25,16 +25,6 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
         left = right[~fixed] - matrix[np.ix_(~fixed, fixed)] @ lower[fixed]
         found[~fixed] = solve(matrix[np.ix_(~fixed, ~fixed)], left, lower[~fixed], upper[~fixed])
         return found
-    # What has no bounds comes first: of the rest alone Cholesky's last rows are the normal equations' root.
-    bounded = np.isfinite(lower) | np.isfinite(upper)
-    order, first = np.argsort(bounded, kind="stable"), len(lower) - int(bounded.sum())
-    found = np.empty(len(lower))
-    found[order] = _solve_last(matrix[np.ix_(order, order)], right[order], lower[order], upper[order], first)
-    return found
-
-
-def _solve_last(matrix: Array, right: Array, lower: Array, upper: Array, first: int) -> Array:
-    """The same, where only the unknowns from the first on have bounds, and none is fixed."""
     dead = np.diag(matrix) <= 0
     matrix = np.where(dead[:, None] | dead, 0.0, matrix)
     matrix[dead, dead] = 1.0
@@ -44,6 +34,9 @@ def _solve_last(matrix: Array, right: Array, lower: Array, upper: Array, first: 
     free = scale * cho_solve(factor, scale * right)
     if np.all(free >= lower - 1e-12 * np.abs(free)) and np.all(free <= upper + 1e-12 * np.abs(free)):
         return free
+    # Cholesky's last rows are the root of the normal equations of the last unknowns alone: what comes before
+    # the first bounds follows from those.
+    first = int(np.argmax(np.isfinite(lower) | np.isfinite(upper)))
     root = np.tril(factor[0])
     target = solve_triangular(root, scale * right, lower=True)
     bounds = (lower / scale)[first:], (upper / scale)[first:]
