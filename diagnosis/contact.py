@@ -34,7 +34,7 @@ FORETOLD = 0.25
 # And share that one fits of it, though it does not foretell it: runs may reach different places.
 FITTED = 0.5
 # s: what is shorter, the filter does not resolve: a shock of the reference, a sample that went astray.
-SHORTEST = 0.15
+SHORTEST = 0.12
 # No push loads a joint with so many times its drive's limit, or the largest torque of these runs where it has
 # none; one that is fitted may, where joints that do not move tell nothing of what loads them.
 LARGEST_LOAD = 3.0
@@ -68,7 +68,7 @@ def contact(
     last = max(j for j in pushed if not bursts[j].isdisjoint(bursts[pushed[0]]))
     logged = _without_effects(stage)
     blocks = set().union(*(bursts[j] for j in pushed))
-    events = [_with_bursts(stage, index, windows(run, last), blocks) for index, run in enumerate(logged)]
+    events = [_with_bursts(stage, index, windows(run, pushed), blocks) for index, run in enumerate(logged)]
     links = range(last, min(last + LINKS, stage.prepared.joints))
     families = [partial(pushes, logged, link, events) for link in links]
     bank = Bank(stage.ground, in_parallel(stage.prepared, families))

@@ -119,7 +119,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     No window, no member.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    return pushes(runs, joint, [windows(run, joint) for run in runs])
+    return pushes(runs, joint, [windows(run, range(joint + 1)) for run in runs])
 
 
 def pushes(runs: Sequence[Logged], joint: int, when: Sequence[list[tuple[int, int]]]) -> Family:

@@ -31,13 +31,13 @@ SHORTEST, GAP = 0.05, 0.15
 LARGEST_SHARE, HIGHER, WINDOWS = 0.35, 1.5, 3
 
 
-def windows(run: Logged, joint: int) -> list[tuple[int, int]]:
-    """First and last sample of each window, in time's order: where joints up to this one stand out.
+def windows(run: Logged, joints: Sequence[int]) -> list[tuple[int, int]]:
+    """First and last sample of each window, in time's order: where any of these joints stands out.
 
     They are between half heights.
     """
     width = max(int(SMOOTHING * run.sample_rate), 1)
-    smooth = uniform_filter1d(run.residual[:, : joint + 1], width, axis=0)
+    smooth = uniform_filter1d(run.residual[:, joints], width, axis=0)
     size = np.abs(smooth - np.median(smooth, axis=0))
     usual = np.maximum(np.median(size, axis=0) / 0.6745, QUIETEST * size.max(axis=0))
     level = (size / np.maximum(usual, np.finfo(float).tiny)).max(axis=1)
@@ -47,12 +47,19 @@ def windows(run: Logged, joint: int) -> list[tuple[int, int]]:
         threshold *= HIGHER
         found = _merged(level > threshold, run.sample_rate)
     found.sort(key=lambda window: -float(np.sum(level[window[0] : window[1]] ** 2)))
-    halved = []
-    for first, last in sorted(found[:WINDOWS]):
-        inside = level[first:last]
-        high = np.flatnonzero(inside > 0.5 * inside.max())
-        halved.append((first + int(high[0]), first + int(high[-1]) + 1))
-    return halved
+    halved = np.zeros(run.samples, dtype=bool)
+    for first, last in found[:WINDOWS]:
+        halved[slice(*_between_half_heights(level, first, last))] = True
+    return _stretches(halved)
+
+
+def _between_half_heights(level: Array, first: int, last: int) -> tuple[int, int]:
+    """The window of what stands out highest in a stretch, which may end above half its height."""
+    high = level > 0.5 * level[first:last].max()
+    inside = np.flatnonzero(high[first:last])
+    low = np.flatnonzero(~high)
+    before, after = low[low < first + inside[0]], low[low > first + inside[-1]]
+    return int(before[-1]) + 1 if len(before) else 0, int(after[0]) if len(after) else len(level)
 
 
 def _merged(stands_out: NDArray[np.bool_], sample_rate: float) -> list[list[int]]:
