@@ -254,9 +254,9 @@ def _is_seen_beyond_rest(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
 
 
 def _is_of_encoders(stage: Stage, gain: Gain) -> bool:
-    """Whether noise of its joint's encoders may seem as much torque as it takes off."""
-    joint = gain.candidate.family.joint
-    return bool(stage.removed(gain)[joint] < OF_ENCODERS * stage.prepared.encoder_torque[joint])
+    """Whether noise of the encoders may seem as much torque as it takes off each joint that it loads."""
+    own = list(gain.candidate.member.rows)
+    return bool(np.all(stage.removed(gain)[own] < OF_ENCODERS * stage.prepared.encoder_torque[own]))
 
 
 def _is_of_sensors(robot: Robot, stage: Stage, gain: Gain) -> bool:

@@ -21,6 +21,8 @@ from .swallowed import swallowed
 from .unclaimed import unclaimed
 from .weighing import Gain, Stage
 
+# What all runs together fit as nothing, by Wald's statistic, is nothing, whatever parts of them foretell.
+AS_NOTHING = 1.0
 # Four standard deviations of what shows in the parameters' shift, which tells beside them.
 SWALLOWED_WALD = 16.0
 # A push that explains so many times what any effect does is seen first: it would be taken for effects.
@@ -87,7 +89,9 @@ class Search:
         return [
             w
             for w in weigh(stage, proposals, allowed)
-            if w.candidate.place not in taken and is_plausible(self.sized, w.candidate, w.gain.coefficients)
+            if w.candidate.place not in taken
+            and w.gain.wald > AS_NOTHING
+            and is_plausible(self.sized, w.candidate, w.gain.coefficients)
         ]
 
     def round(self, stage: Stage, weighed: Sequence[Weighed], free: Bank) -> Found | None:

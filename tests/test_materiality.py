@@ -237,6 +237,19 @@ def test_what_leaves_little_is_judged_by_its_size(tmp_path, name, amount, encode
     assert is_material(arm, stage, Weighed(known, 30.0)) == expected
 
 
+@pytest.mark.parametrize(("encoders", "expected"), [(0.4, True), (0.8, False)])
+def test_an_elasticity_may_show_at_the_joints_that_bear_its_link_alone(tmp_path, encoders, expected):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
+    little = 0.01 * ground(prepared).torque_rms
+    stage = Stage.of(ground(replace(prepared, encoder_torque=encoders * little)), [])
+    own = next(c for c in candidates(stage.prepared, only=["joint_elasticity"]) if c.family.joint == 1)
+    squared = np.array([1.0, 0.0]) * squares(stage, 0.01)
+    known = replace(certain(stage, own, 0.4, squared), prior=stage.prior)
+    stage.held_squares = np.maximum(stage.held_squares, 2 * squared)
+    assert is_material(arm, stage, Weighed(known, 30.0)) == expected
+
+
 @pytest.mark.parametrize(
     ("name", "share", "amount", "expected"),
     [
