@@ -88,7 +88,12 @@ def many_laws(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[
     coupled = [a for a in accepted if _is_coupling(a)]
     left, found = share_left(first, last), []
     for joint in range(first.prepared.joints):
-        laws = [a for a in accepted if joint in (a.candidate.family.joint, a.candidate.family.into)]
+        # A coupling without a name may be any other joint's.
+        laws = [
+            a
+            for a in accepted
+            if a.candidate.family.joint == joint or (a.named and a.candidate.family.into == joint)
+        ]
         many = len(laws) >= MANY_LAWS and any(a.named for a in laws)
         many |= len(coupled) >= MANY_COUPLINGS and any(_is_coupling(a) for a in laws)
         if many and max(a.share for a in laws) < ALMOST_ALL:

@@ -90,6 +90,17 @@ def test_many_laws_at_a_joint_with_a_name_are_none_unless_one_all_but_explains_i
     assert all(each.regime == MANY for each in found)
 
 
+@pytest.mark.parametrize(("named", "joints"), [(True, [1]), (False, [])])
+def test_a_coupling_without_a_name_is_no_law_of_its_other_joint(prepared, named, joints):
+    effects = ("torque_gain_error", "load_dependent_friction", "stribeck_friction", "joint_coupling")
+    one, two, three, (coupling, *_) = (candidates(prepared, only=[name]) for name in effects)
+    own = [next(c for c in each if c.family.joint == 1) for each in (one, two, three)]
+    assert (coupling.family.joint, coupling.family.into) == (0, 1)
+    taken_in = [*(_accepted(each) for each in own), _accepted(coupling, named=named)]
+    first = Stage.of(ground(prepared), [])
+    assert [each.joint for each in many_laws(first, first, taken_in)] == joints
+
+
 @pytest.mark.parametrize(("count", "joints"), [(3, []), (4, [0, 1, 2])])
 def test_many_couplings_are_no_drives(tmp_path, count, joints):
     scara = small_arm(tmp_path, SCARA)
