@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 BURST_TIME, BURST, BURST_SHARE, SMALLEST_SHARE = 0.1, 20, 0.5, 0.6
 # Or so much of it, where it is one joint alone that it explains: that may be anything that passes quickly.
 ALONE = 0.8
-# Blocks of this share of the largest one's are of the burst.
-BURST_HEIGHT = 0.2
+# Blocks of this share of the largest one's are of a burst: another run may be pushed a fifth as hard.
+BURST_HEIGHT = 0.04
 # And what it holds is this share of the joint's RMS torque over all the time.
 BURST_TORQUE = 0.01
 # Share of the joint's squared residual from which a function of the motion is the cause.

@@ -44,6 +44,18 @@ def test_it_is_taken_in_before_what_would_imitate_it(pushed):
     assert not any(each.named for each in others)
 
 
+def test_a_push_less_than_a_third_as_hard_in_another_run_is_fitted_too(tmp_path):
+    arm = small_arm(tmp_path)
+    runs = simulated_runs(arm, [], runs=3)
+    for name, push in (("run_2", PUSH), ("run_3", PUSH.replace("torque=20", "torque=6"))):
+        runs[name] = simulated_runs(arm, [parse_injection(arm, push)], runs=3)[name]
+    prepared = prepare(arm, runs)
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    assert found is not None
+    assert [bool(columns.any()) for columns in found[0].gain.candidate.member.columns] == [False, True, True]
+
+
 def test_a_shock_that_the_filter_does_not_resolve_is_no_push(tmp_path):
     arm = small_arm(tmp_path)
     runs = simulated_runs(arm, [], runs=3)
