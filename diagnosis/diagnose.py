@@ -31,7 +31,7 @@ PARAMETERS_SHARE = 0.12
 PARAMETERS_TORQUE = 0.01
 # How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases
 # (docs/blind.md): of the first that is named, of the second, and of those after it.
-NAMED = (0.97, 0.87, 0.4)
+NAMED = (0.97, 0.94, 0.2)
 # Re-identified parameters that leave less than this multiple of the noise leave little but noise.
 LITTLE_BUT_NOISE = 1.03
 # Effects that close less than this share of all joints' gap are told by what they close of their own joint's.
