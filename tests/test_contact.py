@@ -1,6 +1,7 @@
 """When a push is seen before the effects that would be taken for it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from diagnosis.contact import contact, explains_all_bursts
 from diagnosis.evidence import fitted_to
 from diagnosis.generic import generic_candidates
 from diagnosis.ground import ground
-from diagnosis.preparation import prepare
+from diagnosis.preparation import Prepared, prepare
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 from testbench.effects.link_force import independent
@@ -22,13 +23,18 @@ from .small_arm import small_arm
 PUSH = "external_contact:elbow:law=world_force,torque=20,start=1.5,duration=0.6"
 
 
+def with_pushes(folder: Path, pushes: dict[str, str]) -> Prepared:
+    """Runs of an arm, prepared, of which those named are pushed."""
+    arm = small_arm(folder)
+    runs = simulated_runs(arm, [], runs=3)
+    for name, push in pushes.items():
+        runs[name] = simulated_runs(arm, [parse_injection(arm, push)], runs=3)[name]
+    return prepare(arm, runs)
+
+
 @pytest.fixture(scope="module")
 def pushed(tmp_path_factory):
-    """Runs of an arm that is pushed in the second, prepared."""
-    arm = small_arm(tmp_path_factory.mktemp("arm"))
-    runs = simulated_runs(arm, [], runs=3)
-    runs["run_2"] = simulated_runs(arm, [parse_injection(arm, PUSH)], runs=3)["run_2"]
-    return prepare(arm, runs)
+    return with_pushes(tmp_path_factory.mktemp("arm"), {"run_2": PUSH})
 
 
 @pytest.mark.parametrize(("left", "expected"), [((0.1, 0.1), True), ((0.1, 1.0), False), ((1.0, 0.1), False)])
@@ -45,11 +51,7 @@ def test_it_is_taken_in_before_what_would_imitate_it(pushed):
 
 
 def test_a_push_less_than_a_third_as_hard_in_another_run_is_fitted_too(tmp_path):
-    arm = small_arm(tmp_path)
-    runs = simulated_runs(arm, [], runs=3)
-    for name, push in (("run_2", PUSH), ("run_3", PUSH.replace("torque=20", "torque=6"))):
-        runs[name] = simulated_runs(arm, [parse_injection(arm, push)], runs=3)[name]
-    prepared = prepare(arm, runs)
+    prepared = with_pushes(tmp_path, {"run_2": PUSH, "run_3": PUSH.replace("torque=20", "torque=6")})
     stage = Stage(ground(prepared), *fitted_to(prepared, []))
     found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
     assert found is not None
