@@ -19,8 +19,8 @@ from .weighing import Stage
 SLOWEST_RIPPLE = 10.0
 # A spring that explains this share of a joint's squared residual is one, though not quite by its law.
 ONE_LAW = 0.995
-# So many laws at one joint are one that no catalogue holds, and so many couplings no robot's drives, unless
-# one of them explains this share of the squared residual: the others are its rests.
+# So many laws at one joint more than at others are one that no catalogue holds, and so many couplings no
+# robot's drives, unless one of them explains this share of the squared residual: the others are its rests.
 MANY_LAWS, MANY_COUPLINGS, ALMOST_ALL = 4, 4, 0.95
 # Squared residual that is left where a joint's own elasticity is all that gives way, as a share of what
 # re-identification leaves.
@@ -81,20 +81,23 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
 
 
 def many_laws(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
-    """Joints with a name at which it takes many laws, named or not; all joints of many named couplings.
+    """Joints with a name at which it takes many more laws than at others; all joints of many named couplings.
 
-    first, last: as above.
+    Laws count named or not: every joint of a robot may have some imperfections. first, last: as above.
     """
     coupled = [a for a in accepted if _is_coupling(a)]
     left, found = share_left(first, last), []
-    for joint in range(first.prepared.joints):
+    places = [(a.candidate.family.joint, a.candidate.family.into) for a in accepted]
+    own = np.array([places.count((joint, None)) for joint in range(first.prepared.joints)])
+    for joint in range(len(own)):
         # A coupling without a name may be any other joint's.
         laws = [
             a
             for a in accepted
             if a.candidate.family.joint == joint or (a.named and a.candidate.family.into == joint)
         ]
-        many = len(laws) >= MANY_LAWS and any(a.named for a in laws)
+        elsewhere = float(np.median(np.delete(own, joint))) if len(own) > 1 else 0.0
+        many = len(laws) - elsewhere >= MANY_LAWS and any(a.named for a in laws)
         many |= len(coupled) >= MANY_COUPLINGS and any(_is_coupling(a) for a in laws)
         if many and max(a.share for a in laws) < ALMOST_ALL:
             found.append(Unclaimed(joint, MANY, 1 - float(left[joint])))

@@ -16,7 +16,7 @@ from identification.parameters import PER_JOINT
 from .bounded import RIDGE, solve
 from .candidates import Candidate
 from .ground import ground
-from .hypothesis import Design, bounds, design, determined, prior_distance, scaled_precision
+from .hypothesis import Design, bounds, design, likeliest_scale, scaled_precision
 from .preparation import Prepared
 
 Array = NDArray[np.float64]
@@ -130,17 +130,17 @@ def _weights_and_scale(hypothesis: Design, normal: Normal) -> tuple[Array, float
 def _in_turn(hypothesis: Design, normal: Normal, scale_passes: int) -> tuple[Array, float]:
     """Weights and the prior's scale, each by the other's last values."""
     weights = 1 / np.maximum(np.var(np.concatenate(hypothesis.gap), axis=0), 1e-30)
-    limits, prior_scale = bounds(hypothesis), 1.0
+    limits, scale = bounds(hypothesis), 1.0
     for _ in range(WEIGHT_PASSES):
         folds = normal.weighted(weights)
         for _ in range(scale_passes):
-            values, before = _values(hypothesis, folds, prior_scale, limits), prior_scale
-            prior_scale = 1.0 + float(prior_distance(hypothesis, values)) / determined(hypothesis.prepared)
-            if abs(prior_scale - before) < SCALE_CONVERGED * prior_scale:
+            values, before = _values(hypothesis, folds, scale, limits), scale
+            scale = float(likeliest_scale(hypothesis, values))
+            if abs(scale - before) < SCALE_CONVERGED * scale:
                 break
         variance, inflation = variance_inflation(_residual(hypothesis, values), hypothesis.used)
         weights = 1 / np.maximum(variance * np.minimum(inflation, LARGEST_INFLATION), 1e-30)
-    return weights, prior_scale
+    return weights, scale
 
 
 def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:

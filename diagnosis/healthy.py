@@ -175,12 +175,13 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
         value = _number(values[name])
         if family.effect == CABLE:
             value *= _lever(robot, family.joint)
-        if family.effect == BENDING and _number(values["exponent"]) > 1:
+        if family.effect == BENDING and (exponent := _number(values["exponent"])) > 1:
             assert family.joint is not None
             # At the highest speed of the runs; beyond it nothing is known.
             power = max(float(np.abs(column).max()) for column in candidate.member.columns)
-            value *= power
-            speed = power ** (1 / _number(values["exponent"]))
+            # The nearer the exponent is to one, the less it bends what viscous friction would be.
+            value *= power * min(exponent * (exponent - 1) / 2, 1.0)
+            speed = power ** (1 / exponent)
             mild = BENT * speed * scale_of("viscous", robot, family.joint)
         small, large = (value, mild) if severe >= mild else (mild, value)
         largest = max(largest, small / large if large > 0 else np.inf)

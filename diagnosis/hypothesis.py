@@ -23,6 +23,8 @@ INDEPENDENT = 0.25
 # So many of them, three seconds of motion, tell little more than a joint's own parameters; half as many tell
 # what is next to all that those leave.
 FEWEST_INDEPENDENT, FEWEST_OF_ALL = 80.0, 40.0
+# Variance scale of the prior where a model is as good as any: a third of the deviations one expects of CAD.
+BEST_MODEL = 0.1
 # Deviation of a push, in units of the strongest joint's RMS torque.
 LARGEST_PUSH = 3.0
 DELAY, NO_TIMING = "torque_delay", 1e-8
@@ -112,7 +114,12 @@ def log_prior(hypothesis: Design, values: Array) -> Array:
     """Log-prior of parameters (p, ...), its common scale integrated out; up to a constant."""
     timing, freedom = hypothesis.parameters - 1, determined(hypothesis.prepared)
     late = values[timing] ** 2 * hypothesis.precision[timing]
-    return -0.5 * freedom * np.log(freedom + prior_distance(hypothesis, values)) - 0.5 * late
+    return -0.5 * freedom * np.log(likeliest_scale(hypothesis, values)) - 0.5 * late
+
+
+def likeliest_scale(hypothesis: Design, values: Array) -> Array:
+    """The prior's variance scale at which parameters (p, ...) are likeliest: small for a good model."""
+    return BEST_MODEL + prior_distance(hypothesis, values) / determined(hypothesis.prepared)
 
 
 def scaled_precision(hypothesis: Design, scale: float) -> Array:

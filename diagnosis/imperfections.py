@@ -10,7 +10,7 @@ from testbench.robot import Robot
 
 from .accepted import Accepted
 from .candidates import Candidate
-from .healthy import BENDING, BRISTLES, SPRINGS, times_healthy
+from .healthy import BENDING, BRISTLES, CABLE, OF_THE_LOAD, SPRING, SPRINGS, times_healthy
 from .likelihood import Weighed
 from .materiality import BEYOND, SMALLEST_SHARE, SMALLEST_WALD
 from .weighing import Stage
@@ -19,16 +19,27 @@ Array = NDArray[np.float64]
 
 # Friction that bends, teeth: of what so many other joints have some, this share of it each, or of
 # friction that differs by direction or with the load, is how this robot's joints are, not what one of them
-# has. And a spring that presses on its joint no more than the others' imperfections do may be made of those.
-# Unless what the parameters swallow of it spares them a shift of this log-likelihood.
+# has. So is a cable, of which every joint has one. And a spring, or friction by load, that presses on its
+# joint no more than the others' imperfections do may be made of those: a spring unless what the parameters
+# swallow of it spares them a shift of this log-likelihood.
 UNEVEN = ("stribeck_friction", "nonlinear_viscous_friction", "transmission_ripple")
 FRICTION = (*UNEVEN, BRISTLES, "asymmetric_friction", "load_dependent_friction")
 SUCH_JOINTS = 2
-ALIKE = ((UNEVEN, FRICTION, 0.38, np.inf), (SPRINGS, (*FRICTION, *SPRINGS), 0.8, 7.5))
+ALIKE = (
+    (UNEVEN, FRICTION, 0.38, np.inf),
+    ((CABLE,), (*FRICTION, *SPRINGS), 0.35, np.inf),
+    ((SPRING,), (*FRICTION, *SPRINGS), 0.8, 15.0),
+    ((OF_THE_LOAD,), (*FRICTION, *SPRINGS), 0.8, np.inf),
+)
 # But what its joint carries little torque beside, or its parameters take up, is one joint's where it is
 # certainly so many times a healthy one's, and so many times as far beyond as the other joints' friction:
-# each joint's bends a little.
-ONE_JOINTS: Mapping[str, tuple[float, float]] = {"stribeck_friction": (2.0, 2.0), BENDING: (2.0, 6.0)}
+# each joint's bends a little. What grows with the load is told from others' by its own size; what falls with
+# the speed, if no more of the others' torque is imperfect than this multiple of it.
+ONE_JOINTS: Mapping[str, tuple[float, float, float]] = {
+    "stribeck_friction": (2.0, 2.0, 1.0),
+    BENDING: (2.0, 3.5, np.inf),
+    OF_THE_LOAD: (2.0, 0.0, np.inf),
+}
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: up to
 # this share of their joint's torque they have no name where others surely give way this share as far; nor,
 # up to another, unless Wald's statistic tells them, so many times that of any other joint, or they are this
@@ -52,7 +63,7 @@ def of_one_joint(
             continue
         rest = [each for k, each in enumerate(found) if k != place and k not in faults]
         is_imperfection = _is_hardly_larger(item, rest, open_, last)
-        is_imperfection = is_imperfection and not _is_of_one(robot, place, open_, last)
+        is_imperfection = is_imperfection and not _is_of_one(robot, place, item, rest, open_, last)
         if is_imperfection or _are_bristles_of_all(robot, place, item, open_, last):
             found[place] = replace(item, named=False, is_everywhere=True)
         else:
@@ -64,13 +75,26 @@ def _is_hardly_larger(
     item: Accepted, rest: Sequence[Accepted], open_: Sequence[Weighed], last: Stage
 ) -> bool:
     """Whether several other joints have as much, of their own torque, of what it may be made of."""
-    joint = item.candidate.family.joint
     for kind, imperfections, share, shift in ALIKE:
-        if joint is not None and item.candidate.family.effect in kind and item.shift < shift:
-            levels = np.sort(np.delete(_levels(imperfections, rest, open_, last), joint))
-            if len(levels) >= SUCH_JOINTS and levels[-SUCH_JOINTS] >= share * np.sqrt(item.worth):
-                return True
+        if item.candidate.family.effect in kind and item.shift < shift:
+            return _of_others(item, imperfections, rest, open_, last) >= share
     return False
+
+
+def _of_others(
+    item: Accepted,
+    effects: Sequence[str],
+    rest: Sequence[Accepted],
+    open_: Sequence[Weighed],
+    last: Stage,
+) -> float:
+    """What several other joints have of these effects, as a multiple of it, each by its own torque."""
+    joint = item.candidate.family.joint
+    assert joint is not None
+    levels = np.sort(np.delete(_levels(effects, rest, open_, last), joint))
+    if len(levels) < SUCH_JOINTS:
+        return 0.0
+    return float(levels[-SUCH_JOINTS] / np.sqrt(max(item.worth, 1e-300)))
 
 
 @dataclass(frozen=True)
@@ -97,13 +121,22 @@ def _seen(
     return seen(*own), [seen(*each) for each in elsewhere if each[0].family.effect in effects]
 
 
-def _is_of_one(robot: Robot, place: int, open_: Sequence[Weighed], last: Stage) -> bool:
+def _is_of_one(
+    robot: Robot,
+    place: int,
+    item: Accepted,
+    rest: Sequence[Accepted],
+    open_: Sequence[Weighed],
+    last: Stage,
+) -> bool:
     """Whether the last hypothesis's effect here is friction far beyond the other joints'."""
-    effect = last.hypothesis.accepted[place].family.effect
+    effect, kinds = item.candidate.family.effect, [each for each in FRICTION if each != BRISTLES]
     if effect not in ONE_JOINTS:
         return False
-    far_beyond, as_others = ONE_JOINTS[effect]
-    own, others = _seen(robot, place, [each for each in FRICTION if each != BRISTLES], open_, last)
+    far_beyond, as_others, of_others = ONE_JOINTS[effect]
+    if _of_others(item, FRICTION, rest, open_, last) > of_others:
+        return False
+    own, others = _seen(robot, place, kinds, open_, last)
     most = max((each.times for each in others if each.wald > SMALLEST_WALD), default=0.0)
     return own.times * (1 - BEYOND / np.sqrt(own.wald)) > far_beyond and own.times > as_others * most
 

@@ -32,9 +32,9 @@ AS_MUCH = 0.7
 # Beside one that is alone nothing gains more than this share of what it does; it takes off this share of some
 # joint's RMS torque.
 BESIDE_ALONE, SEEN_ALONE = 0.4, 0.0015
-# A trace that left-out runs tell has a name from four standard deviations, with this share of some joint's
-# rest: what misfit leaves rarely has.
-TRACE_WALD, SMALLEST_TRACE = 16.0, 0.025
+# A trace that left-out runs tell has a name from four and a half standard deviations, with this share of some
+# joint's rest: what misfit and noise leave rarely has.
+TRACE_WALD, SMALLEST_TRACE = 20.0, 0.025
 
 
 @dataclass(frozen=True)

@@ -98,8 +98,8 @@ def _is_of_one(robot: Robot, name: str, times: float, torque: float, others: tup
         ("stribeck_friction", 3.0, 2.5, False),
         ("stribeck_friction", 1.8, 0.5, False),
         # Each joint's friction bends a little.
-        ("nonlinear_viscous_friction", 3.0, 0.4, True),
-        ("nonlinear_viscous_friction", 3.0, 0.6, False),
+        ("nonlinear_viscous_friction", 3.0, 0.7, True),
+        ("nonlinear_viscous_friction", 3.0, 1.0, False),
         ("nonlinear_viscous_friction", 1.8, 0.1, False),
     ],
 )
