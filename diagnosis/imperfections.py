@@ -38,7 +38,7 @@ ALIKE = (
 ONE_JOINTS: Mapping[str, tuple[float, float, float]] = {
     "stribeck_friction": (2.0, 2.0, 1.0),
     BENDING: (2.0, 3.5, np.inf),
-    OF_THE_LOAD: (2.0, 0.0, np.inf),
+    OF_THE_LOAD: (1.5, 0.0, np.inf),
 }
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: up to
 # this share of their joint's torque they have no name where others surely give way this share as far; nor,

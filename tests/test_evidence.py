@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.evidence import fitted_to, squares
+from diagnosis.hypothesis import BEST_MODEL
 from diagnosis.preparation import prepare
 from identification.parameters import COULOMB, VISCOUS
 
@@ -25,3 +26,16 @@ def test_a_model_however_far_from_the_robot_is_re_identified_down_to_the_noise(
     far = replace(arm, parameters=wrong.ravel())
     near, left = (squares(fitted_to(prepare(each, runs), [])[1].residual) for each in (arm, far))
     np.testing.assert_allclose(left, near, rtol=0.02)
+
+
+def test_the_better_a_model_the_tighter_it_holds_its_parameters(tmp_path):
+    arm = small_arm(tmp_path)
+    runs, scales = simulated_runs(arm, [], runs=2), []
+    for error in (0.0, 0.3, 3.0):
+        masses = arm.parameters.copy().reshape(arm.joints, -1)
+        masses[:, INERTIAL] *= 1 + error
+        model = replace(arm, parameters=masses.ravel())
+        scales.append(fitted_to(prepare(model, runs), [])[1].prior_scale)
+    right, poor, wrong = scales
+    assert BEST_MODEL <= right < 1.5 * BEST_MODEL
+    assert 2 * right < poor < 1 < wrong

@@ -59,10 +59,13 @@ def test_bristles_have_a_name_where_other_joints_have_none_or_they_are_all_that_
     assert {each.effect for each in found.effects} <= {"presliding_hysteresis"}
 
 
-def _is_of_one(robot: Robot, name: str, times: float, torque: float, others: tuple[str, float]) -> bool:
-    """Whether an effect of the first joint keeps its name beside others' imperfections of the same torque.
+def _is_of_one(
+    robot: Robot, name: str, times: float, torque: float, others: tuple[str, float], of_torque: float = 1.0
+) -> bool:
+    """Whether an effect of the first joint keeps its name beside others' imperfections.
 
-    times: how many times a healthy joint's. others: an effect, and how many times.
+    times: how many times a healthy joint's. others: an effect, and how many times. of_torque: theirs, as a
+    multiple of its own.
     """
     base, (own, *_) = healthy_stage(robot, name)
     _, elsewhere = healthy_stage(robot, others[0])
@@ -78,10 +81,10 @@ def _is_of_one(robot: Robot, name: str, times: float, torque: float, others: tup
     values[part] = amount(own, times) * np.eye(own.count)[0]
     covariance[part, part] = amount(own, times) ** 2 / 400 * np.eye(own.count)
     last = Stage(base.ground, hypothesis, replace(fitted, values=values, covariance=covariance))
-    squared = squares(base, torque)
-    last.held_squares = 2 * squared
+    theirs = squares(base, of_torque * torque)
+    last.held_squares = 2 * theirs
     open_ = [
-        Weighed(certain(base, each, amount(each, others[1]), squared * np.eye(robot.joints)[joint]), 30.0)
+        Weighed(certain(base, each, amount(each, others[1]), theirs * np.eye(robot.joints)[joint]), 30.0)
         for joint, each in enumerate(elsewhere)
         if joint > 0
     ]
@@ -97,6 +100,9 @@ def _is_of_one(robot: Robot, name: str, times: float, torque: float, others: tup
         ("stribeck_friction", 3.0, 0.5, True),
         ("stribeck_friction", 3.0, 2.5, False),
         ("stribeck_friction", 1.8, 0.5, False),
+        # What grows with the load is told by its own size.
+        ("load_dependent_friction", 2.0, 5.0, True),
+        ("load_dependent_friction", 1.4, 0.5, False),
         # Each joint's friction bends a little.
         ("nonlinear_viscous_friction", 3.0, 0.7, True),
         ("nonlinear_viscous_friction", 3.0, 1.0, False),
@@ -105,6 +111,25 @@ def _is_of_one(robot: Robot, name: str, times: float, torque: float, others: tup
 )
 def test_friction_far_beyond_the_other_joints_is_one_joints(scara, name, times, others, named):
     assert _is_of_one(scara, name, times, 0.01, ("transmission_ripple", others)) == named
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "of_torque", "named"),
+    [
+        # Every joint has a cable, and friction that grows with its load.
+        ("cable_spring", 3.0, 0.3, True),
+        ("cable_spring", 3.0, 0.4, False),
+        ("load_dependent_friction", 1.2, 0.7, True),
+        ("load_dependent_friction", 1.2, 0.9, False),
+        # Near rest, others' larger imperfections are no less near.
+        ("stribeck_friction", 3.0, 0.9, True),
+        ("stribeck_friction", 3.0, 1.1, False),
+    ],
+)
+def test_what_is_no_larger_a_part_of_the_torque_than_others_imperfections_is_no_one_joints(
+    scara, name, times, of_torque, named
+):
+    assert _is_of_one(scara, name, times, 0.01, ("transmission_ripple", 0.5), of_torque) == named
 
 
 @pytest.mark.parametrize("torque", [0.01, 0.02])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from diagnosis.attribution import attribute
-from diagnosis.candidates import candidates
+from diagnosis.candidates import candidate, candidates
 from diagnosis.evidence import fitted_to
 from diagnosis.ground import ground
-from diagnosis.healthy import is_beyond_healthy, is_excessive, is_plausible, quantities
+from diagnosis.healthy import is_beyond_healthy, is_excessive, is_plausible, quantities, times_healthy
 from diagnosis.likelihood import Weighed
 from diagnosis.materiality import is_main, is_material, is_obvious
 from diagnosis.preparation import prepare
@@ -163,6 +163,19 @@ def test_what_no_gear_has_is_something_else(tmp_path, name, shape, amount, expec
     own = candidates(prepare(arm, simulated_runs(arm, [], runs=1)), only=[name])[0]
     made = replace(own, member=replace(own.member, shape=own.member.shape | shape))
     assert is_excessive(arm, made, amount * np.eye(own.count)[0]) == expected
+
+
+def test_the_nearer_an_exponent_is_to_one_the_less_friction_bends(tmp_path):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    family = candidates(prepared, only=["nonlinear_viscous_friction"])[0].family
+    times = []
+    for exponent in (1.2, 2.0):
+        own = candidate(prepared, family, family.member({"exponent": exponent}))
+        # As much torque at the highest speed.
+        largest = max(float(np.abs(column).max()) for column in own.member.columns)
+        times.append(times_healthy(arm, np.ones(arm.joints), own, np.array([1 / largest])))
+    assert times[0] == pytest.approx(0.12 * times[1], rel=0.05)
 
 
 @pytest.mark.parametrize(("samples", "expected"), [(0.2, False), (0.8, True)])

@@ -90,6 +90,19 @@ def test_many_laws_at_a_joint_with_a_name_are_none_unless_one_all_but_explains_i
     assert all(each.regime == MANY for each in found)
 
 
+@pytest.mark.parametrize(("elsewhere", "joints"), [(0, [1]), (1, [])])
+def test_imperfections_that_other_joints_have_as_many_of_are_no_law_without_a_name(
+    prepared, elsewhere, joints
+):
+    effects = ("torque_gain_error", "load_dependent_friction", "stribeck_friction", "transmission_ripple")
+    every = [candidates(prepared, only=[name]) for name in effects]
+    taken_in = [_accepted(next(c for c in each if c.family.joint == 1)) for each in every]
+    others = [_accepted(next(c for c in each if c.family.joint == 0), named=False) for each in every[3:]]
+    first = Stage.of(ground(prepared), [])
+    found = many_laws(first, first, [*taken_in, *others[:elsewhere]])
+    assert [each.joint for each in found] == joints
+
+
 @pytest.mark.parametrize(("named", "joints"), [(True, [1]), (False, [])])
 def test_a_coupling_without_a_name_is_no_law_of_its_other_joint(prepared, named, joints):
     effects = ("torque_gain_error", "load_dependent_friction", "stribeck_friction", "joint_coupling")
