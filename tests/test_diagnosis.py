@@ -103,7 +103,7 @@ def test_what_stands_out_against_all_other_joints_is_named_in_noise(arm):
 
 def test_a_gain_error_that_noise_hides_is_said_not_to_show(arm):
     gain = "torque_gain_error:elbow:relative=0.15"
-    hidden, seen = _diagnosis(arm, gain, noise=0.05), _diagnosis(arm, gain)
+    hidden, seen = _diagnosis(arm, gain, noise=0.2), _diagnosis(arm, gain)
     assert hidden.effects == ()
     assert ("torque_gain_error", 1) in hidden.not_observable
     assert [(e.effect, e.joint) for e in seen.effects] == [("torque_gain_error", 1)]
