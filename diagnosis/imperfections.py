@@ -25,12 +25,12 @@ Array = NDArray[np.float64]
 UNEVEN = ("stribeck_friction", "nonlinear_viscous_friction", "transmission_ripple")
 FRICTION = (*UNEVEN, BRISTLES, "asymmetric_friction", "load_dependent_friction")
 SUCH_JOINTS = 2
-ALIKE = (
-    (UNEVEN, FRICTION, 0.38, np.inf),
-    ((CABLE,), (*FRICTION, *SPRINGS), 0.35, np.inf),
-    ((SPRING,), (*FRICTION, *SPRINGS), 0.8, 15.0),
-    ((OF_THE_LOAD,), (*FRICTION, *SPRINGS), 0.8, np.inf),
-)
+ALIKE: Mapping[str, tuple[tuple[str, ...], float, float]] = {
+    **dict.fromkeys(UNEVEN, (FRICTION, 0.38, np.inf)),
+    CABLE: ((*FRICTION, *SPRINGS), 0.35, np.inf),
+    SPRING: ((*FRICTION, *SPRINGS), 0.8, 15.0),
+    OF_THE_LOAD: ((*FRICTION, *SPRINGS), 0.8, np.inf),
+}
 # But what its joint carries little torque beside, or its parameters take up, is one joint's where it is
 # certainly so many times a healthy one's, and so many times as far beyond as the other joints' friction:
 # each joint's bends a little. What grows with the load is told from others' by its own size; what falls with
@@ -62,8 +62,7 @@ def of_one_joint(
         if not item.named:
             continue
         rest = [each for k, each in enumerate(found) if k != place and k not in faults]
-        is_imperfection = _is_hardly_larger(item, rest, open_, last)
-        is_imperfection = is_imperfection and not _is_of_one(robot, place, item, rest, open_, last)
+        is_imperfection = _is_hardly_larger(robot, place, item, rest, open_, last)
         if is_imperfection or _are_bristles_of_all(robot, place, item, open_, last):
             found[place] = replace(item, named=False, is_everywhere=True)
         else:
@@ -72,13 +71,21 @@ def of_one_joint(
 
 
 def _is_hardly_larger(
-    item: Accepted, rest: Sequence[Accepted], open_: Sequence[Weighed], last: Stage
+    robot: Robot,
+    place: int,
+    item: Accepted,
+    rest: Sequence[Accepted],
+    open_: Sequence[Weighed],
+    last: Stage,
 ) -> bool:
     """Whether several other joints have as much, of their own torque, of what it may be made of."""
-    for kind, imperfections, share, shift in ALIKE:
-        if item.candidate.family.effect in kind and item.shift < shift:
-            return _of_others(item, imperfections, rest, open_, last) >= share
-    return False
+    if item.candidate.family.effect not in ALIKE:
+        return False
+    imperfections, share, shift = ALIKE[item.candidate.family.effect]
+    if item.shift >= shift:
+        return False
+    others = _of_others(item, imperfections, rest, open_, last)
+    return others >= share and not _is_of_one(robot, place, others, open_, last)
 
 
 def _of_others(
@@ -121,22 +128,18 @@ def _seen(
     return seen(*own), [seen(*each) for each in elsewhere if each[0].family.effect in effects]
 
 
-def _is_of_one(
-    robot: Robot,
-    place: int,
-    item: Accepted,
-    rest: Sequence[Accepted],
-    open_: Sequence[Weighed],
-    last: Stage,
-) -> bool:
-    """Whether the last hypothesis's effect here is friction far beyond the other joints'."""
-    effect, kinds = item.candidate.family.effect, [each for each in FRICTION if each != BRISTLES]
+def _is_of_one(robot: Robot, place: int, theirs: float, open_: Sequence[Weighed], last: Stage) -> bool:
+    """Whether the last hypothesis's effect here is friction far beyond the other joints'.
+
+    theirs: of ``_of_others``.
+    """
+    effect = last.hypothesis.accepted[place].family.effect
     if effect not in ONE_JOINTS:
         return False
     far_beyond, as_others, of_others = ONE_JOINTS[effect]
-    if _of_others(item, FRICTION, rest, open_, last) > of_others:
+    if theirs > of_others:
         return False
-    own, others = _seen(robot, place, kinds, open_, last)
+    own, others = _seen(robot, place, [each for each in FRICTION if each != BRISTLES], open_, last)
     most = max((each.times for each in others if each.wald > SMALLEST_WALD), default=0.0)
     return own.times * (1 - BEYOND / np.sqrt(own.wald)) > far_beyond and own.times > as_others * most
 

@@ -161,7 +161,7 @@ def is_main(
     there must explain more. rest: what else the catalogue explains beside it.
     """
     gain, family = best.gain, best.candidate.family
-    shares = gain.held_out / np.maximum(first.held_squares, 1e-300)
+    shares = first.shares(gain)
     if gain.candidate.is_event:
         return True
     if family.effect == SPRING and gain.overlap > HIDDEN_OVERLAP and gained_by_shift(stage, gain) < FARTHER:

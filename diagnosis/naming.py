@@ -68,9 +68,7 @@ def accepted_as(
     # Of an effect of the whole robot all joints tell.
     told = samples.max() if best.candidate.family.joint is not None else samples.sum()
     # Of what re-identification leaves: of what another effect leaves there, little is nearly all.
-    is_all = (
-        obvious and float(np.max(best.gain.held_out / np.maximum(apart.held_squares, 1e-300))) > NEARLY_ALL
-    )
+    is_all = obvious and apart.shares(best.gain).max() > NEARLY_ALL
     enough = told >= (FEWEST_OF_ALL if is_all else FEWEST_INDEPENDENT)
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(
