@@ -9,6 +9,8 @@ import pytest
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticUndefined
 
+from diagnosis.imperfections import ALIKE
+from diagnosis.materiality import SMALLEST_SHIFT
 from testbench.cli import app
 from testbench.estimate_file import estimate_document
 from testbench.excitation_file import UNITS
@@ -30,6 +32,13 @@ def table(page: str, heading: str) -> list[list[str]]:
     (first, *_) = re.findall(r"(?:^\|.+\|\n)+", text + "\n", re.MULTILINE)
     rows = [line.strip("|") for line in first.splitlines()]
     return [[cell.strip() for cell in row.split("|")] for row in rows[2:]]
+
+
+def table_after(text: str, head: str) -> list[list[str]]:
+    """Rows of the table whose first line begins so."""
+    lines = text[text.index(head) :].splitlines()[2:]
+    rows = lines[: next((k for k, line in enumerate(lines) if not line.startswith("|")), len(lines))]
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -169,3 +178,24 @@ def test_the_architecture_page_names_every_module() -> None:
             is_room = path.is_dir() and (path / "__init__.py").is_file()
             if is_room or (path.suffix == ".py" and path.stem != "__init__"):
                 assert f"`{path.name}{'/' if is_room else ''}`" in text, path
+
+
+def test_the_page_of_decisions_names_files_that_exist() -> None:
+    named = re.findall(r"`(\w+\.py)`", (ROOT / "docs" / "decisions.md").read_text())
+    assert [name for name in named if not (ROOT / "diagnosis" / name).is_file()] == []
+
+
+def test_the_page_of_decisions_states_the_levels_of_the_code() -> None:
+    text = (ROOT / "docs" / "decisions.md").read_text()
+    levels = {effect: f"{share:.10g} times as much" for effect, (_, share, _) in ALIKE.items()}
+    rows = table_after(text, "| effect | no name where two other joints have |")
+    words = {
+        "friction by load": "load_dependent_friction",
+        "cable": "cable_spring",
+        "gravity spring": "gravity_spring",
+    }
+    told = {words[row[0]]: row[1] for row in rows if row[0] in words}
+    assert told == {effect: levels[effect] for effect in words.values()}
+    assert rows[0][1] == levels["transmission_ripple"]
+    assert f"(log-likelihood {SMALLEST_SHIFT:.10g})" in text
+    assert f"(log-likelihood {ALIKE['gravity_spring'][2]:.10g})" in text
