@@ -1,7 +1,8 @@
-"""Samples that a log has lost on the way: held by a late packet, or spoiled by a bad one.
+"""Samples that a log has lost on the way: held by a late packet, spoiled by a bad one, or never filled in.
 
-A reader that misses a packet writes the last one again, and a bit that flips throws one sample far off.
-Differentiated twice, either is larger than all that an arm does. Both stand alone between good neighbours.
+A reader that misses a packet writes the last one again, a bit that flips throws one sample far off, and one
+that is stopped leaves its last records empty. Differentiated twice, each is larger than all that an arm does.
+Held and spoiled ones stand alone between good neighbours, empty ones at an end.
 """
 
 from dataclasses import replace
@@ -35,7 +36,7 @@ def lost_samples(recording: Recording) -> Mask:
 
 
 def mended(recording: Recording, lost: Mask) -> Recording:
-    """The recording with these samples (N,) interpolated between their neighbours, positions by a cubic."""
+    """The recording with these samples (N,) as their neighbours have them, positions by a cubic."""
     if not lost.any():
         return recording
     channels: dict[str, Any] = {}
@@ -58,16 +59,22 @@ def _held(recording: Recording) -> Mask:
 
 
 def _spoiled(recording: Recording) -> Mask:
-    """Samples far from the cubic through their neighbours that alone keep these from being smooth."""
-    found = np.zeros(len(recording.time), bool)
+    """Empty samples, and those far from the cubic that their neighbours are else on."""
+    empty, least = np.zeros(len(recording.time), bool), []
     for position in recording.position.T:
         steps = np.abs(np.diff(position))
         step = float(np.min(steps, where=steps > 0, initial=np.inf))
-        least = max(SHARE_OF_RANGE * float(np.ptp(position)), STEPS * step if np.isfinite(step) else 0.0)
-        found |= _alone(recording.time, position, least)
-    for torque in recording.torque.T:
+        least.append(
+            max(SHARE_OF_RANGE * float(np.ptp(position)), STEPS * step if np.isfinite(step) else 0.0)
+        )
+        empty |= _empty(position, least[-1])
+    found, filled = empty.copy(), ~empty
+    time = recording.time[filled]
+    for position, least_off in zip(recording.position[filled].T, least, strict=True):
+        found[filled] |= _alone(time, position, least_off)
+    for torque in recording.torque[filled].T:
         low, high = np.quantile(torque, (0.05, 0.95))
-        found |= _alone(recording.time, torque, SHARE_OF_TORQUE * float(high - low))
+        found[filled] |= _alone(time, torque, SHARE_OF_TORQUE * float(high - low))
     return found
 
 
@@ -90,6 +97,20 @@ def _alone(time: Array, values: Array, least: float) -> Mask:
                 break
             bad[np.argmax(left)] = True
             here = _filled(time[near], values[near, None], bad, is_smooth=True)[:, 0]
+    return found
+
+
+def _empty(position: Array, least: float) -> Mask:
+    """Samples of (N,) at either end, up to MOST_LOST, beyond a step that no motion makes. least: as above."""
+    found = np.zeros(len(position), bool)
+    if len(position) <= MOST_LOST + NEIGHBOURS:
+        return found
+    for end in (found, found[::-1]):
+        inward = position if end is found else position[::-1]
+        steps = np.abs(np.diff(inward[: MOST_LOST + NEIGHBOURS + 1]))
+        for count in range(1, MOST_LOST + 1):
+            if steps[count - 1] > max(FARTHER * float(steps[count : count + NEIGHBOURS].max()), least):
+                end[:count] = True
     return found
 
 

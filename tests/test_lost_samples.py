@@ -50,6 +50,16 @@ def spoiled(run: Recording, seed: int) -> tuple[Recording, np.ndarray]:
     return replace(run, position=position), places
 
 
+def unfilled(run: Recording, seed: int) -> tuple[Recording, np.ndarray]:
+    """The run cut off while all joints move, with its last one to three records empty."""
+    moving = np.all(np.abs(np.gradient(run.position, run.time, axis=0)) > 0.1, axis=1)
+    end = int(np.flatnonzero(moving)[-1]) + 1
+    places = np.arange(end - 1 - seed % 3, end)
+    position, torque = run.position[:end].copy(), run.torque[:end].copy()
+    position[places], torque[places] = 0.0, 0.0
+    return replace(run, time=run.time[:end], position=position, torque=torque), places
+
+
 def test_nothing_of_a_good_log_is_lost(runs):
     for run in runs.values():
         lost = lost_samples(run)
@@ -140,5 +150,19 @@ def test_a_reader_faster_than_the_robot_tells_as_much(arm, runs, times):
     prepared = prepare(arm, fast)
     assert np.mean([part.used.mean() for part in prepared.runs]) > 0.5
     found = attribute(prepared)
+    assert not [a.candidate.family.effect for a in found.accepted if a.named]
+    assert found.unknown == ()
+
+
+def test_empty_records_at_an_end_are_found_and_tell_nothing_of_the_robot(arm, runs):
+    spoiled_runs = {}
+    for seed, (name, run) in enumerate(runs.items()):
+        cut = measured_only(run)
+        bad, places = unfilled(cut, seed)
+        assert np.flatnonzero(lost_samples(bad)).tolist() == places.tolist()
+        turned = replace(bad, position=bad.position[::-1], torque=bad.torque[::-1])
+        assert np.flatnonzero(lost_samples(turned)).tolist() == list(range(len(places)))
+        spoiled_runs[name] = bad
+    found = attribute(prepare(arm, spoiled_runs))
     assert not [a.candidate.family.effect for a in found.accepted if a.named]
     assert found.unknown == ()
