@@ -56,7 +56,7 @@ class _Shifted:
             for x, z in zip(self.base.x, self.hypothesis.added_rows(), strict=True)
         ]
         products = Normal(self.hypothesis).weighted(self.weights)[0].sum(axis=0)
-        self.matrix = products + np.diag(scaled_precision(self.hypothesis, fitted.prior_scale))
+        self.matrix = products + np.diag(scaled_precision(self.hypothesis, fitted.prior_scales))
         self.lower, self.upper = bounds(self.hypothesis)
 
     def fit(self, delay: float) -> tuple[float, Array]:

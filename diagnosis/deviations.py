@@ -42,7 +42,7 @@ def covariance_with_shapes(hypothesis: Design, fitted: Fit, index: int) -> Array
         np.concatenate([hypothesis.precision, np.zeros(slopes.count)]),
     )
     information = Normal(extended).weighted(fitted.weights)[0].sum(axis=0)
-    information[np.diag_indices_from(information)] += scaled_precision(extended, fitted.prior_scale)
+    information[np.diag_indices_from(information)] += scaled_precision(extended, fitted.prior_scales)
     scale = 1 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     inverse = np.outer(scale, scale) * np.linalg.pinv(information * np.outer(scale, scale), hermitian=True)
     wanted = np.r_[own, extended.parts[-1]]

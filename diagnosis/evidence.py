@@ -16,7 +16,7 @@ from identification.parameters import PER_JOINT
 from .bounded import RIDGE, solve
 from .candidates import Candidate
 from .ground import ground
-from .hypothesis import Design, bounds, design, likeliest_scale, scaled_precision
+from .hypothesis import Design, bounds, design, likeliest_scales, scaled_precision
 from .preparation import Prepared
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ class Fit:
     """A hypothesis fitted to all folds.
 
     values: (p,). covariance: (p, p). weights: (n,) one over the long-run residual variance.
-    objective: weighted squared residual plus prior. prior_scale: variance scale of the prior.
+    objective: weighted squared residual plus prior. prior_scales: (2,) the prior's variances by kind.
     residual: a run, (M, n) N·m, zero where unused. held_out: likewise, each fold predicted from the others
     but for events, which are taken off as they were. apart: (F, p), the values that predict each fold.
     """
@@ -46,7 +46,7 @@ class Fit:
     covariance: Array
     weights: Array
     objective: float
-    prior_scale: float
+    prior_scales: Array
     residual: tuple[Array, ...]
     held_out: tuple[Array, ...]
     apart: Array
@@ -84,27 +84,27 @@ class Normal:
 
 
 def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:
-    """Weights, prior scale and values estimated in turn; then every fold predicted from the others.
+    """Weights, prior scales and values estimated in turn; then every fold predicted from the others.
 
     like: with this fit's weights and prior scale instead, by which hypotheses can be compared.
     """
     normal = Normal(hypothesis)
     lower, upper = bounds(hypothesis)
-    weights, prior_scale = (
-        _weights_and_scale(hypothesis, normal) if like is None else (like.weights, like.prior_scale)
+    weights, prior_scales = (
+        _weights_and_scale(hypothesis, normal) if like is None else (like.weights, like.prior_scales)
     )
     folds = normal.weighted(weights)
     information = folds[0].sum(axis=0)
-    information[np.diag_indices_from(information)] += scaled_precision(hypothesis, prior_scale) + RIDGE
-    values = _values(hypothesis, folds, prior_scale, (lower, upper))
+    information[np.diag_indices_from(information)] += scaled_precision(hypothesis, prior_scales) + RIDGE
+    values = _values(hypothesis, folds, prior_scales, (lower, upper))
     residual = _residual(hypothesis, values)
-    distance = float(values**2 @ scaled_precision(hypothesis, prior_scale))
+    distance = float(values**2 @ scaled_precision(hypothesis, prior_scales))
     fitted = Fit(
         values=values,
         covariance=np.linalg.pinv(information, hermitian=True),
         weights=weights,
         objective=sum(float(np.sum(weights * r**2)) for r in residual) + distance,
-        prior_scale=prior_scale,
+        prior_scales=prior_scales,
         residual=residual,
         held_out=(),
         apart=np.zeros((0, len(values))),
@@ -113,30 +113,30 @@ def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:
     return _with_held_out(hypothesis, fitted, folds, prepared.folds)
 
 
-def _weights_and_scale(hypothesis: Design, normal: Normal) -> tuple[Array, float]:
-    """One over each joint's long-run residual variance (n,), and the prior's variance scale.
+def _weights_and_scale(hypothesis: Design, normal: Normal) -> tuple[Array, Array]:
+    """One over each joint's long-run residual variance (n,), and the prior's variance scales (2,).
 
-    The scale lags a pass behind, lest an effect that is yet to be taken in loosens the parameters; but those
+    The scales lag a pass behind, lest an effect that is yet to be taken in loosens the parameters; but those
     of a model that is far from the robot it would hold back, and what that leaves looks like effects.
     """
     found = _in_turn(hypothesis, normal, 1)
-    if found[1] > POOR:
+    if np.any(found[1] > POOR):
         converged = _in_turn(hypothesis, normal, SCALE_PASSES)
-        if converged[1] > LAGS * found[1]:
+        if np.any(converged[1] > LAGS * found[1]):
             return converged
     return found
 
 
-def _in_turn(hypothesis: Design, normal: Normal, scale_passes: int) -> tuple[Array, float]:
-    """Weights and the prior's scale, each by the other's last values."""
+def _in_turn(hypothesis: Design, normal: Normal, scale_passes: int) -> tuple[Array, Array]:
+    """Weights and the prior's scales, each by the other's last values."""
     weights = 1 / np.maximum(np.var(np.concatenate(hypothesis.gap), axis=0), 1e-30)
-    limits, scale = bounds(hypothesis), 1.0
+    limits, scale = bounds(hypothesis), np.ones(len(hypothesis.kinds))
     for _ in range(WEIGHT_PASSES):
         folds = normal.weighted(weights)
         for _ in range(scale_passes):
             values, before = _values(hypothesis, folds, scale, limits), scale
-            scale = float(likeliest_scale(hypothesis, values))
-            if abs(scale - before) < SCALE_CONVERGED * scale:
+            scale = likeliest_scales(hypothesis, values)
+            if np.all(np.abs(scale - before) < SCALE_CONVERGED * scale):
                 break
         variance, inflation = variance_inflation(_residual(hypothesis, values), hypothesis.used)
         weights = 1 / np.maximum(variance * np.minimum(inflation, LARGEST_INFLATION), 1e-30)
@@ -168,7 +168,7 @@ def _with_held_out(
     apart = np.zeros((len(folds), len(fitted.values)))
     for fold, (run, part) in enumerate(folds):
         rest = tuple(np.delete(each, fold, axis=0) for each in sums)
-        apart[fold] = _values(hypothesis, rest, fitted.prior_scale, fitted.bounds)
+        apart[fold] = _values(hypothesis, rest, fitted.prior_scales, fitted.bounds)
         # No other run foretells an event: it is told apart from what the model predicts, not predicted.
         apart[fold, events] = fitted.values[events]
         held_out[run][part] = _left(hypothesis, run, part, apart[fold])
@@ -200,11 +200,11 @@ def is_extrapolated(together: Array, left_out: Array) -> NDArray[np.bool_]:
 
 
 def _values(
-    hypothesis: Design, folds: tuple[Array, ...], prior_scale: float, bounds: tuple[Array, Array]
+    hypothesis: Design, folds: tuple[Array, ...], prior_scales: Array, bounds: tuple[Array, Array]
 ) -> Array:
     """Unknowns (p,) from weighted sums of some folds, (F, p, p) and (F, p)."""
     matrix, right = (part.sum(axis=0) for part in folds)
-    matrix[np.diag_indices_from(matrix)] += scaled_precision(hypothesis, prior_scale)
+    matrix[np.diag_indices_from(matrix)] += scaled_precision(hypothesis, prior_scales)
     return solve(matrix, right, *bounds)
 
 

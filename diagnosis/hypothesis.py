@@ -6,10 +6,13 @@ prior.py, a common timing error, and the coefficients of the effects taken in so
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
+from identification.parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_JOINT, VISCOUS
 
 from .candidates import Candidate
 from .ground import ground
@@ -25,6 +28,8 @@ INDEPENDENT = 0.25
 FEWEST_INDEPENDENT, FEWEST_OF_ALL = 80.0, 40.0
 # Variance scale of the prior where a model is as good as any: a third of the deviations one expects of CAD.
 BEST_MODEL = 0.1
+# A joint's parameters that motion tells, about: of link and rotor, of friction and its offset.
+DETERMINED = (6.0, 3.0)
 # Deviation of a push, in units of the strongest joint's RMS torque.
 LARGEST_PUSH = 3.0
 DELAY, NO_TIMING = "torque_delay", 1e-8
@@ -73,6 +78,17 @@ class Design:
         """Whether enough of these runs tells of each joint for anything there to have a name, (n,)."""
         return self.independent >= FEWEST_INDEPENDENT
 
+    @cached_property
+    def kinds(self) -> Array:
+        """Which unknowns (p,) are of each kind, (2, p): links and rotors; friction and offsets."""
+        kinds, of_joint = np.zeros((2, len(self.precision))), np.zeros((2, PER_JOINT))
+        of_joint[0, [*range(INERTIAL), ARMATURE]] = 1.0
+        of_joint[1, [VISCOUS, COULOMB, OFFSET]] = 1.0
+        kinds[:, : self.parameters - 1] = np.tile(of_joint, self.prepared.joints)
+        # What holds a push back goes with the first.
+        kinds[0, self.parameters :] = 1.0
+        return kinds
+
     @property
     def parts(self) -> tuple[slice, ...]:
         """Where each effect's coefficients are among the unknowns."""
@@ -103,30 +119,26 @@ def design(prepared: Prepared, accepted: Sequence[Candidate] = (), is_delayed: b
     return Design(prepared, tuple(accepted), precision)
 
 
-def prior_distance(hypothesis: Design, values: Array) -> Array:
-    """Squared distance of parameters (p, ...) from the model's, in units of the prior; timing apart."""
-    timing = hypothesis.parameters - 1
-    standard = np.delete(hypothesis.precision, timing)
-    return standard @ np.delete(values, timing, axis=0) ** 2
-
-
 def log_prior(hypothesis: Design, values: Array) -> Array:
-    """Log-prior of parameters (p, ...), its common scale integrated out; up to a constant."""
-    timing, freedom = hypothesis.parameters - 1, determined(hypothesis.prepared)
+    """Log-prior of parameters (p, ...), the scale of each kind integrated out; up to a constant."""
+    timing, freedom = hypothesis.parameters - 1, _determined(hypothesis)
     late = values[timing] ** 2 * hypothesis.precision[timing]
-    return -0.5 * freedom * np.log(likeliest_scale(hypothesis, values)) - 0.5 * late
+    return -0.5 * freedom @ np.log(likeliest_scales(hypothesis, values)) - 0.5 * late
 
 
-def likeliest_scale(hypothesis: Design, values: Array) -> Array:
-    """The prior's variance scale at which parameters (p, ...) are likeliest: small for a good model."""
-    return BEST_MODEL + prior_distance(hypothesis, values) / determined(hypothesis.prepared)
+def likeliest_scales(hypothesis: Design, values: Array) -> Array:
+    """The prior's variance scale of each kind, (2, ...), at which parameters (p, ...) are likeliest.
+
+    Small for what a model has right: links may be as drawn where nobody knew the friction.
+    """
+    distance = (hypothesis.kinds * hypothesis.precision) @ values**2
+    return BEST_MODEL + (distance.T / _determined(hypothesis)).T
 
 
-def scaled_precision(hypothesis: Design, scale: float) -> Array:
-    """Prior precision (p,) at a common variance scale; when torques are sampled has nothing to do with it."""
-    scaled = hypothesis.precision / scale
-    scaled[hypothesis.parameters - 1] *= scale
-    return scaled
+def scaled_precision(hypothesis: Design, scales: Array) -> Array:
+    """Prior precision (p,) at the variance scales (2,), which the time of sampling has nothing to do with."""
+    kinds = hypothesis.kinds
+    return hypothesis.precision / np.where(kinds.any(axis=0), scales @ kinds, 1.0)
 
 
 def bounds(hypothesis: Design) -> tuple[Array, Array]:
@@ -137,6 +149,6 @@ def bounds(hypothesis: Design) -> tuple[Array, Array]:
     return lower, upper
 
 
-def determined(prepared: Prepared) -> float:
-    """How many parameters the data can move: about nine of fourteen a joint."""
-    return 9.0 * prepared.joints
+def _determined(hypothesis: Design) -> Array:
+    """How many parameters of each kind the data can move, (2,): about nine of fourteen a joint."""
+    return hypothesis.prepared.joints * np.array(DETERMINED)

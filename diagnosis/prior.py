@@ -1,8 +1,8 @@
 """How far a model's parameters may be from the robot's before that itself needs explaining.
 
-Widths of what one expects of CAD and data sheets, one standard deviation; a common scale is
-estimated with the fit (a heavy-tailed prior: the penalty grows like a logarithm, so a model that
-is worse than expected throughout is not held against any effect).
+Widths of what one expects of CAD and data sheets, one standard deviation; a scale of links and rotors and
+one of friction and offsets are estimated with the fit (a heavy-tailed prior: the penalty grows like a
+logarithm, so a model that is worse than expected throughout is not held against any effect).
 """
 
 import numpy as np

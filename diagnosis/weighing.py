@@ -70,7 +70,7 @@ class Stage:
             [x.T @ h for x, h in zip(*both, strict=True)] for both in zip(self.x, self.held, strict=True)
         ]
         self.parts = np.einsum("j,fjab->fab", self.weights, self.xx)
-        self.precision = np.diag(scaled_precision(hypothesis, fitted.prior_scale))
+        self.precision = np.diag(scaled_precision(hypothesis, fitted.prior_scales))
         self.total = self.parts.sum(axis=0) + self.precision
         folds_falls = [
             sum(w * x.T @ left for w, x, left in zip(self.weights, *both, strict=True))

@@ -14,6 +14,8 @@ from .diagnosed import simulated_runs
 from .small_arm import small_arm
 
 INERTIAL = slice(0, 10)
+# Places of the kinds among the prior's scales.
+LINKS, FRICTION = 0, 1
 
 
 @pytest.mark.parametrize(("joint", "columns", "share"), [(1, INERTIAL, 0.02), (0, [COULOMB, VISCOUS], 0.0)])
@@ -35,7 +37,17 @@ def test_the_better_a_model_the_tighter_it_holds_its_parameters(tmp_path):
         masses = arm.parameters.copy().reshape(arm.joints, -1)
         masses[:, INERTIAL] *= 1 + error
         model = replace(arm, parameters=masses.ravel())
-        scales.append(fitted_to(prepare(model, runs), [])[1].prior_scale)
+        scales.append(fitted_to(prepare(model, runs), [])[1].prior_scales[LINKS])
     right, poor, wrong = scales
     assert BEST_MODEL <= right < 1.5 * BEST_MODEL
     assert 2 * right < poor < 1 < wrong
+
+
+def test_links_are_held_tightly_beside_friction_that_nobody_knew(tmp_path):
+    arm = small_arm(tmp_path)
+    friction = arm.parameters.copy().reshape(arm.joints, -1)
+    friction[:, [VISCOUS, COULOMB]] *= 2.5
+    model = replace(arm, parameters=friction.ravel())
+    scales = fitted_to(prepare(model, simulated_runs(arm, [], runs=2)), [])[1].prior_scales
+    assert scales[FRICTION] > 1
+    assert scales[LINKS] < 1.5 * BEST_MODEL

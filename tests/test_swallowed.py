@@ -44,8 +44,8 @@ def test_a_gain_that_parameters_take_up_is_told_at_its_joint(arm, joint, relativ
     prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, text) for text in faults], runs=3))
     stage = Stage.of(ground(prepared), [])
     _, found = swallowed(stage, weigh(stage, Bank(stage.ground, candidates(prepared))))
-    told = [(each.candidate.family.effect, arm.joint_names[each.candidate.family.joint]) for each in found]
-    assert told[:1] == ([("torque_gain_error", joint)] if relative else [])
+    told = [each.candidate.place for each in found]
+    assert told[:1] == ([("torque_gain_error", arm.joint_names.index(joint), None)] if relative else [])
 
 
 @pytest.mark.parametrize(("score", "expected"), [(-4.0, True), (-6.0, False)])

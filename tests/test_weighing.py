@@ -41,7 +41,7 @@ def solved(stage, candidate, folds):
             rows.append(root * np.hstack([base.x[f][j], z]))
             right.append(root * base.y[f][j])
     count = candidate.count if candidate else 0
-    prior = np.diag(np.sqrt(scaled_precision(stage.hypothesis, stage.fitted.prior_scale)))
+    prior = np.diag(np.sqrt(scaled_precision(stage.hypothesis, stage.fitted.prior_scales)))
     rows.append(np.hstack([prior, np.zeros((len(prior), count))]))
     right.append(np.zeros(len(prior)))
     matrix, target = np.vstack(rows), np.concatenate(right)
@@ -87,7 +87,7 @@ def test_rivals_are_compared_by_the_weights_and_the_prior_of_one_stage(stage):
     for candidate in proposals:
         gain, (_, compared) = stage.gain(candidate), stage.compared(candidate)
         assert np.array_equal(compared.weights, stage.weights)
-        assert compared.prior_scale == stage.fitted.prior_scale
+        np.testing.assert_array_equal(compared.prior_scales, stage.fitted.prior_scales)
         # What was weighed at once is what the fit has.
         assert stage.held_squares - squares(compared.held_out) == pytest.approx(
             gain.held_out, abs=1e-4 * stage.held_squares.max()
