@@ -1,11 +1,12 @@
 """One measure for all hypotheses: how well left-out runs are predicted, and how far the parameters moved.
 
-With the noise of each joint and the scale of the prior integrated out, both are logarithms:
+With the noise of each joint and the scales of the prior integrated out, both are logarithms:
 
-    log L = -1/2 sum_j m_j log(squared held-out residual of joint j) - nu/2 log(nu + distance)
+    log L = -1/2 sum_j m_j log(squared held-out residual of joint j) - sum_k nu_k/2 log(b nu_k + distance_k)
 
-m_j are the independent samples of joint j, distance the squared shift of the parameters in units of the
-prior of prior.py, nu how many parameters the runs can move; the timing error has a term of its own. An
+m_j are the independent samples of joint j, distance_k the squared shift of the parameters of kind k (links,
+friction) in units of the prior of prior.py, nu_k how many of them the runs can move, b the scale of the best
+model; the timing error has a term of its own. An
 effect that re-identification swallows shows in the prior alone.
 """
 
