@@ -86,7 +86,7 @@ class Normal:
 def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:
     """Weights, prior scales and values estimated in turn; then every fold predicted from the others.
 
-    like: with this fit's weights and prior scale instead, by which hypotheses can be compared.
+    like: with this fit's weights and prior scales instead, by which hypotheses can be compared.
     """
     normal = Normal(hypothesis)
     lower, upper = bounds(hypothesis)
@@ -117,7 +117,7 @@ def _weights_and_scale(hypothesis: Design, normal: Normal) -> tuple[Array, Array
     """One over each joint's long-run residual variance (n,), and the prior's variance scales (2,).
 
     The scales lag a pass behind, lest an effect that is yet to be taken in loosens the parameters; but those
-    of a model that is far from the robot it would hold back, and what that leaves looks like effects.
+    of a model that is far from the robot they would hold back, and what that leaves looks like effects.
     """
     found = _in_turn(hypothesis, normal, 1)
     if np.any(found[1] > POOR):

@@ -60,22 +60,24 @@ def _held(recording: Recording) -> Mask:
 
 def _spoiled(recording: Recording) -> Mask:
     """Empty samples, and those far from the cubic that their neighbours are else on."""
-    empty, least = np.zeros(len(recording.time), bool), []
-    for position in recording.position.T:
-        steps = np.abs(np.diff(position))
-        step = float(np.min(steps, where=steps > 0, initial=np.inf))
-        least.append(
-            max(SHARE_OF_RANGE * float(np.ptp(position)), STEPS * step if np.isfinite(step) else 0.0)
-        )
-        empty |= _empty(position, least[-1])
+    positions = recording.position.T
+    least = [_least(position) for position in positions]
+    empty = np.any([_empty(*each) for each in zip(positions, least, strict=True)], axis=0)
     found, filled = empty.copy(), ~empty
     time = recording.time[filled]
-    for position, least_off in zip(recording.position[filled].T, least, strict=True):
-        found[filled] |= _alone(time, position, least_off)
+    for position, least_off in zip(positions, least, strict=True):
+        found[filled] |= _alone(time, position[filled], least_off)
     for torque in recording.torque[filled].T:
         low, high = np.quantile(torque, (0.05, 0.95))
         found[filled] |= _alone(time, torque, SHARE_OF_TORQUE * float(high - low))
     return found
+
+
+def _least(position: Array) -> float:
+    """How far a spoiled sample of these (N,) is off at least: of their range, or in steps of the encoder."""
+    steps = np.abs(np.diff(position))
+    step = float(np.min(steps, where=steps > 0, initial=np.inf))
+    return max(SHARE_OF_RANGE * float(np.ptp(position)), STEPS * step if np.isfinite(step) else 0.0)
 
 
 def _alone(time: Array, values: Array, least: float) -> Mask:
@@ -105,9 +107,8 @@ def _empty(position: Array, least: float) -> Mask:
     found = np.zeros(len(position), bool)
     if len(position) <= MOST_LOST + NEIGHBOURS:
         return found
-    for end in (found, found[::-1]):
-        inward = position if end is found else position[::-1]
-        steps = np.abs(np.diff(inward[: MOST_LOST + NEIGHBOURS + 1]))
+    for order in (1, -1):
+        end, steps = found[::order], np.abs(np.diff(position[::order][: MOST_LOST + NEIGHBOURS + 1]))
         for count in range(1, MOST_LOST + 1):
             if steps[count - 1] > max(FARTHER * float(steps[count : count + NEIGHBOURS].max()), least):
                 end[:count] = True

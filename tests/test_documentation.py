@@ -26,19 +26,17 @@ PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").glob
 SECTIONS = [name for name in Scenario.model_fields if name not in ("name", "model", "seed")]
 
 
+def tables(text: str) -> list[list[list[str]]]:
+    """Every table, its heads and then its rows, cells stripped of their blanks."""
+    found = re.findall(r"(?:^\|.+\|\n)+", text + "\n", re.MULTILINE)
+    lines = [[line.strip("|").split("|") for line in each.splitlines()] for each in found]
+    return [[[cell.strip() for cell in row] for row in (each[0], *each[2:])] for each in lines]
+
+
 def table(page: str, heading: str) -> list[list[str]]:
-    """Rows of the first table below a heading, cells stripped of their code marks."""
+    """Rows of the first table below a heading."""
     text = (ROOT / "docs" / page).read_text().split(f"\n## {heading}\n")[1]
-    (first, *_) = re.findall(r"(?:^\|.+\|\n)+", text + "\n", re.MULTILINE)
-    rows = [line.strip("|") for line in first.splitlines()]
-    return [[cell.strip() for cell in row.split("|")] for row in rows[2:]]
-
-
-def table_after(text: str, head: str) -> list[list[str]]:
-    """Rows of the table whose first line begins so."""
-    lines = text[text.index(head) :].splitlines()[2:]
-    rows = lines[: next((k for k, line in enumerate(lines) if not line.startswith("|")), len(lines))]
-    return [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+    return tables(text)[0][1:]
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -188,7 +186,7 @@ def test_the_page_of_decisions_names_files_that_exist() -> None:
 def test_the_page_of_decisions_states_the_levels_of_the_code() -> None:
     text = (ROOT / "docs" / "decisions.md").read_text()
     levels = {effect: f"{share:.10g} times as much" for effect, (_, share, _) in ALIKE.items()}
-    rows = table_after(text, "| effect | no name where two other joints have |")
+    (rows,) = [rows for head, *rows in tables(text) if "no name where two other joints have" in head]
     words = {
         "friction by load": "load_dependent_friction",
         "cable": "cable_spring",

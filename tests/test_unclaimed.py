@@ -63,7 +63,13 @@ def test_a_function_that_all_runs_fit_by_chance_foretells_by_chance(tmp_path, mo
     assert ((0, RUN_TIME) in [(each.joint, each.regime) for each in found]) == expected
 
 
-@pytest.mark.parametrize(("noise", "heavier_by"), [(0.05, 1.0), (4.0, 0.15), (6.0, 0.15)])
+HELD_BACK = pytest.mark.xfail(strict=True, reason="the prior holds back a rotor twenty deviations heavier")
+
+
+@pytest.mark.parametrize(
+    ("noise", "heavier_by"),
+    [(0.05, 1.0), (4.0, 0.15), (6.0, 0.15), pytest.param(6.0, 0.2, marks=HELD_BACK)],
+)
 def test_a_run_that_parameters_are_extrapolated_to_is_not_unknown(tmp_path, noise, heavier_by):
     """One run alone is fast: without it nothing tells the inertia, which the model has wrong."""
     arm = small_arm(tmp_path)
