@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbench.effects import effects
-from testbench.effects.signature import Family, Member, Quantity, over_all_joints, places, single_joint
+from testbench.effects.signature import (
+    Family,
+    Member,
+    Quantity,
+    WindowedColumns,
+    over_all_joints,
+    places,
+    single_joint,
+)
 
 from .preparation import Prepared
 
@@ -80,9 +88,12 @@ class Candidate:
 
 def candidate(prepared: Prepared, family: Family, member: Member) -> Candidate:
     """A member with its columns filtered for every run."""
-    filtered = [
-        run.filtered(columns, member.rows) for run, columns in zip(prepared.runs, member.columns, strict=True)
-    ]
+    columns, rows = member.columns, member.rows
+    if isinstance(columns, WindowedColumns):
+        each_run = zip(prepared.runs, columns.windows, strict=True)
+        filtered = [run.filtered_windows(windows, rows, member.count) for run, windows in each_run]
+    else:
+        filtered = [run.filtered(own, rows) for run, own in zip(prepared.runs, columns, strict=True)]
     sample_time = 1 / min(run.logged.sample_rate for run in prepared.runs)
     return Candidate(family, member, tuple(filtered), prepared.joints, sample_time)
 

@@ -1,6 +1,6 @@
 """A push of the surroundings: short bursts in what is left, which no function of the state explains."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -71,11 +71,12 @@ def contact(
     events = [_with_bursts(stage, index, windows(run, pushed), blocks) for index, run in enumerate(logged)]
     links = range(last, min(last + LINKS, stage.prepared.joints))
     families = [partial(pushes, logged, link, events) for link in links]
-    bank = Bank(stage.ground, in_parallel(stage.prepared, families))
+    # A link at a time: all columns of all of them together would fill a memory.
+    gains = [gain for family in families for gain in _of_each_load(stage, in_parallel(stage.prepared, [family]))]
     before = squares(stage.fitted.residual)
     most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
     likeliest: dict[int, tuple[Weighed, tuple[Design, Fit]]] = {}
-    for gain in _of_each_load(stage, bank):
+    for gain in _worth_a_fit(gains):
         trial, link = stage.with_effects([gain.candidate]), gain.candidate.family.joint
         left = squares(trial[1].residual) / np.maximum(before, 1e-300)
         weighed = Weighed(gain, log_of_squares(stage.independent, left) - gain.candidate.count)
@@ -112,17 +113,22 @@ def explains_all_bursts(stage: Stage, pushed: Fit) -> bool:
     return bool(np.all(left[bursts] < 1 - SMALLEST_SHARE))
 
 
-def _of_each_load(stage: Stage, bank: Bank) -> list[Gain]:
-    """The likeliest profile of each kind of load on each link, where it comes near the likeliest of all."""
+def _of_each_load(stage: Stage, pushes_: Sequence[Candidate]) -> list[Gain]:
+    """The likeliest profile of each kind of load on each link."""
     best: dict[tuple[Place, float], Gain] = {}
-    for gain in stage.gains(bank):
+    for gain in stage.gains(Bank(stage.ground, pushes_)):
         if gain is not None:
             load = gain.candidate.place, gain.candidate.member.shape["kind"]
             if load not in best or gain.objective > best[load].objective:
                 best[load] = gain
-    worth = {load: 0.5 * gain.objective - gain.candidate.count for load, gain in best.items()}
-    least = WORTH_A_FIT * max(worth.values(), default=0.0)
-    return [gain for load, gain in best.items() if worth[load] >= least]
+    return list(best.values())
+
+
+def _worth_a_fit(gains: Sequence[Gain]) -> list[Gain]:
+    """Those that come near the likeliest of all."""
+    worth = [0.5 * gain.objective - gain.candidate.count for gain in gains]
+    least = WORTH_A_FIT * max(worth, default=0.0)
+    return [gain for gain, own in zip(gains, worth, strict=True) if own >= least]
 
 
 def _is_bearable(push: Candidate, coefficients: Array, most: Array) -> bool:

@@ -13,11 +13,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from identification.filtering import decimation_step, zero_phase_lowpass
+from testbench.effects.signature import Window
 
 Array = NDArray[np.float64]
 
 # Reach of the taps to either side, in cut-off periods: beyond it the response is below 1e-3 of its peak.
 REACH_PERIODS = 2.5
+# Columns that are filtered side by side: as many as a line of the cache holds.
+ABREAST = 8
 
 
 @dataclass(frozen=True)
@@ -38,15 +41,14 @@ class DecimatingFilter:
 
     def __call__(self, columns: Array) -> Array:
         """Columns (N, ...) low-passed and decimated, (M, ...)."""
+        out = np.empty((len(self.kept(len(columns))), *columns.shape[1:]))
+        self.into(columns, out)
+        return out
+
+    def into(self, columns: Array, out: Array) -> None:
+        """The same, written to ``out``."""
         flat = columns.reshape(len(columns), -1)
-        out = np.zeros((len(self.kept(len(columns))), flat.shape[1]))
-        # An event's columns are zero most of the time.
-        begin, last = _extent(flat)
-        if begin <= last:
-            first = max(-(-(begin - 2 * self.reach) // self.step), 0)
-            end = last // self.step + 1
-            _convolve(flat[first * self.step :], self.taps, self.step, out[first:end])
-        return out.reshape(-1, *columns.shape[1:])
+        _convolve(flat, self.taps, self.step, out.reshape(len(out), flat.shape[1], copy=False))
 
 
 def decimating_filters(sample_rate: float, cutoffs: Array, thinning: int = 1) -> tuple[DecimatingFilter, ...]:
@@ -67,7 +69,32 @@ def filtered(filters: Sequence[DecimatingFilter], columns: Array) -> Array:
     """Columns (N, r, ...), each of the r through its own filter of ``decimating_filters``, (M, r, ...)."""
     if all(each is filters[0] for each in filters):
         return filters[0](columns)
-    return np.stack([each(columns[:, place]) for place, each in enumerate(filters)], axis=1)
+    out = np.empty((len(filters[0].kept(len(columns))), *columns.shape[1:]))
+    for place, each in enumerate(filters):
+        each.into(columns[:, place], out[:, place])
+    return out
+
+
+def filtered_windows(
+    filters: Sequence[DecimatingFilter], windows: Sequence[Window], samples: int, count: int
+) -> Array:
+    """The same of columns that are zero but in some windows, (M, r, k): N samples, k = ``count``."""
+    step, reach = filters[0].step, filters[0].reach
+    kept = len(filters[0].kept(samples))
+    out = np.zeros((kept, len(filters), count))
+    for window in windows:
+        length, _, k = window.values.shape
+        # What is kept of the samples that its filter spreads it over.
+        first = max(-(-(window.first - 2 * reach) // step), 0)
+        end = min((window.first + length - 1) // step + 1, kept)
+        if first >= end:
+            continue
+        around = np.zeros(((end - 1 - first) * step + 2 * reach + 1, len(filters), k))
+        start = window.first - first * step
+        inside = window.values[max(-start, 0) : max(len(around) - start, 0)]
+        around[max(start, 0) :][: len(inside)] = inside
+        out[first:end, :, window.column : window.column + k] = filtered(filters, around)
+    return out
 
 
 def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
@@ -81,34 +108,41 @@ def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
     return DecimatingFilter(taps / taps.sum(), decimation_step(sample_rate, cutoff))
 
 
-@njit("UniTuple(int64, 2)(float64[:, :])", cache=True, nogil=True, error_model="numpy")
-def _extent(x: Array) -> tuple[int, int]:
-    """The first and the last row that is not all zero; the last before the first where there is none."""
-    first, last = 0, x.shape[0] - 1
-    while first <= last and not np.any(x[first]):
-        first += 1
-    while last >= first and not np.any(x[last]):
-        last -= 1
-    return first, last
-
-
 # A sum of taps may be taken in any order that vectorises; compiled once, it is the same order every time.
 @njit(
-    "void(float64[:, :], float64[::1], int64, float64[:, ::1])",
+    "void(float64[:, :], float64[::1], int64, float64[:, :])",
     cache=True,
     nogil=True,
     error_model="numpy",
     fastmath={"contract", "reassoc"},
 )
 def _convolve(x: Array, taps: Array, step: int, out: Array) -> None:
-    """out[m, c] = sum_k taps[k] x[m step + k, c], a column at a time in a buffer of its own."""
-    column = np.empty(x.shape[0])
-    for c in range(x.shape[1]):
-        for t in range(x.shape[0]):
-            column[t] = x[t, c]
+    """out[m, c] = sum_k taps[k] x[m step + k, c], a few neighbouring columns at a time in buffers of their own."""
+    samples, count = x.shape
+    columns = np.empty((ABREAST, samples))
+    # Narrow filters of a run are padded to the reach of its widest.
+    margin = 0
+    while taps[margin] == 0.0 and 2 * margin + 1 < taps.size:
+        margin += 1
+    inner = taps[margin : taps.size - margin]
+    for left in range(0, count, ABREAST):
+        width = min(ABREAST, count - left)
+        # An event's columns are zero most of the time.
+        begin, end = samples, 0
+        for t in range(samples):
+            some = False
+            for c in range(width):
+                columns[c, t] = x[t, left + c]
+                some = some or columns[c, t] != 0.0
+            if some:
+                begin, end = min(begin, t), t + 1
         for m in range(out.shape[0]):
-            window = column[m * step : m * step + taps.size]
-            total = 0.0
-            for k in range(taps.size):
-                total += taps[k] * window[k]
-            out[m, c] = total
+            first = m * step + margin
+            reaches = first < end and first + inner.size > begin
+            for c in range(width):
+                total = 0.0
+                if reaches:
+                    window = columns[c, first : first + inner.size]
+                    for k in range(inner.size):
+                        total += inner[k] * window[k]
+                out[m, left + c] = total

@@ -18,13 +18,14 @@ from identification.regressor import regressor
 from identification.signals import Motion
 from identification.springs import spring_torque
 from testbench.effects.logged import Logged, body_in_link
+from testbench.effects.signature import Window
 from testbench.log import CHANNELS, Recording
 from testbench.lost_samples import lost_samples, mended
 from testbench.robot import Robot
 from testbench.sampling import motion, on_grid
 
 from .band import joint_bands
-from .decimation import DecimatingFilter, decimating_filters, filtered
+from .decimation import DecimatingFilter, decimating_filters, filtered, filtered_windows
 
 Array = NDArray[np.float64]
 
@@ -85,6 +86,11 @@ class Run:
     def filtered(self, columns: Array, joints: Sequence[int]) -> Array:
         """Columns (N, r, ...) of r joints at full rate, filtered and decimated like the torque."""
         return filtered([self.filters[joint] for joint in joints], columns)
+
+    def filtered_windows(self, windows: Sequence[Window], joints: Sequence[int], count: int) -> Array:
+        """The same of an event's columns (N, r, k): k = ``count``, zero but in these windows."""
+        filters = [self.filters[joint] for joint in joints]
+        return filtered_windows(filters, windows, self.logged.samples, count)
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ from .push import (
     widened,
     windows,
 )
-from .signature import Family, Logged, Member, Quantity
+from .signature import Family, Logged, Member, Quantity, Window, WindowedColumns
 
 Array = NDArray[np.float64]
 
@@ -151,12 +151,14 @@ def recurring_push(runs: Sequence[Logged], joint: int, shape: Mapping[str, float
     """
     kind, stretch = int(shape["kind"]), shape["stretch"]
     rows, count = push_torques_of(runs[0], joint, slice(0, 1), kind, stretch).shape[1:]
-    columns = tuple(np.zeros((run.samples, rows, count)) for run in runs)
-    for run, out in zip(runs, columns, strict=True):
+    found: list[tuple[Window, ...]] = []
+    for run in runs:
         first, last = (round(shape[end] * run.sample_rate) for end in ("first", "last"))
         part = widened(run, (first, last), stretch)
+        found.append(())
         if part.start < part.stop:
-            out[part] = -push_torques_of(run, joint, part, kind, stretch)
+            found[-1] = (Window(part.start, 0, -push_torques_of(run, joint, part, kind, stretch)),)
+    columns = WindowedColumns(tuple(found), tuple(run.samples for run in runs), (rows, count))
     unbounded = np.full(count, np.inf)
     return Member(dict(shape), _rows(joint, kind), columns, -unbounded, unbounded)
 
@@ -175,17 +177,17 @@ def _member(
     """
     rows = _rows(joint, kind)
     scale = withstands[list(rows)] / withstands.max()
-    parts = []
-    for index, (run, own) in enumerate(zip(runs, when, strict=True)):
+    found, count = [], 0
+    for run, own in zip(runs, when, strict=True):
+        parts = []
         for window in own:
             part = widened(run, window, stretch)
             torque = push_torques_of(run, joint, part, kind, stretch)
-            parts.append((index, part, -torque @ independent(torque, scale)))
-    start = np.cumsum([0, *(torque.shape[2] for _, _, torque in parts)])
-    columns = tuple(np.zeros((run.samples, len(rows), start[-1])) for run in runs)
-    for (index, part, torque), first in zip(parts, start, strict=False):
-        columns[index][part, :, first : first + torque.shape[2]] = torque
-    unbounded = np.full(start[-1], np.inf)
+            parts.append(Window(part.start, count, -torque @ independent(torque, scale)))
+            count += parts[-1].values.shape[2]
+        found.append(tuple(parts))
+    columns = WindowedColumns(tuple(found), tuple(run.samples for run in runs), (len(rows), count))
+    unbounded = np.full(count, np.inf)
     return Member({"kind": float(kind), "stretch": stretch}, rows, columns, -unbounded, unbounded)
 
 

@@ -83,6 +83,46 @@ class ColumnsOnDemand(Sequence[Array]):
         return len(self._made)
 
 
+@dataclass(frozen=True)
+class Window:
+    """Columns that are zero but from a sample ``first`` on, and but for some of all, from ``column`` on.
+
+    values: (m, r, k).
+    """
+
+    first: int
+    column: int
+    values: Array
+
+
+@dataclass(frozen=True)
+class WindowedColumns(Sequence[Array]):
+    """An event's columns, kept as what of them is not zero; whole when they are read.
+
+    windows: a run. samples: of each run. shape: r rows and k columns.
+    """
+
+    windows: tuple[tuple[Window, ...], ...]
+    samples: tuple[int, ...]
+    shape: tuple[int, int]
+
+    @overload
+    def __getitem__(self, run: int) -> Array: ...
+    @overload
+    def __getitem__(self, run: slice) -> Sequence[Array]: ...
+    def __getitem__(self, run: int | slice) -> Array | Sequence[Array]:
+        if isinstance(run, slice):
+            return [self[each] for each in range(len(self))[run]]
+        out = np.zeros((self.samples[run], *self.shape))
+        for window in self.windows[run]:
+            count, _, k = window.values.shape
+            out[window.first : window.first + count, :, window.column : window.column + k] = window.values
+        return out
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+
 def over_all_joints(columns: Array, rows: Sequence[int], joints: int) -> Array:
     """Columns (N, r, k) at some joints over all, (N, joints, k); zero elsewhere."""
     out = np.zeros((len(columns), joints, columns.shape[2]))
