@@ -19,8 +19,6 @@ Array = NDArray[np.float64]
 
 # Reach of the taps to either side, in cut-off periods: beyond it the response is below 1e-3 of its peak.
 REACH_PERIODS = 2.5
-# Columns that are filtered side by side: as many as a line of the cache holds.
-ABREAST = 8
 
 
 @dataclass(frozen=True)
@@ -117,32 +115,19 @@ def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
     fastmath={"contract", "reassoc"},
 )
 def _convolve(x: Array, taps: Array, step: int, out: Array) -> None:
-    """out[m, c] = sum_k taps[k] x[m step + k, c], a few neighbouring columns at a time in buffers of their own."""
-    samples, count = x.shape
-    columns = np.empty((ABREAST, samples))
+    """out[m, c] = sum_k taps[k] x[m step + k, c], a column at a time in a buffer of its own."""
+    column = np.empty(x.shape[0])
     # Narrow filters of a run are padded to the reach of its widest.
     margin = 0
     while taps[margin] == 0.0 and 2 * margin + 1 < taps.size:
         margin += 1
     inner = taps[margin : taps.size - margin]
-    for left in range(0, count, ABREAST):
-        width = min(ABREAST, count - left)
-        # An event's columns are zero most of the time.
-        begin, end = samples, 0
-        for t in range(samples):
-            some = False
-            for c in range(width):
-                columns[c, t] = x[t, left + c]
-                some = some or columns[c, t] != 0.0
-            if some:
-                begin, end = min(begin, t), t + 1
+    for c in range(x.shape[1]):
+        for t in range(x.shape[0]):
+            column[t] = x[t, c]
         for m in range(out.shape[0]):
-            first = m * step + margin
-            reaches = first < end and first + inner.size > begin
-            for c in range(width):
-                total = 0.0
-                if reaches:
-                    window = columns[c, first : first + inner.size]
-                    for k in range(inner.size):
-                        total += inner[k] * window[k]
-                out[m, left + c] = total
+            window = column[m * step + margin : m * step + margin + inner.size]
+            total = 0.0
+            for k in range(inner.size):
+                total += inner[k] * window[k]
+            out[m, c] = total

@@ -4,6 +4,8 @@ A column that is linear in the delay holds near the size and at the parameters i
 makes the controller shake bends those until nothing can be told. Shifted back, torque is linear in all else.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
@@ -15,12 +17,11 @@ from .evidence import Fit, Normal
 from .ground import ground
 from .hypothesis import DELAY, Design, bounds, design, log_prior, scaled_precision
 from .likelihood import log_of_squares
-from .preparation import Run
 
 Array = NDArray[np.float64]
 
 # Seconds.
-STEP, TOLERANCE = 0.001, 1e-6
+STEP, TOLERANCE = 0.003, 1e-6
 
 
 def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
@@ -59,14 +60,21 @@ class _Shifted:
         self.matrix = products + np.diag(scaled_precision(self.hypothesis, fitted.prior_scales))
         self.lower, self.upper = bounds(self.hypothesis)
 
+        self.xy: Array = sum(self._products(run, left) for run, left in enumerate(self.base.gap))
+        self.moved = lru_cache(maxsize=None)(self._moved)
+
     def fit(self, delay: float) -> tuple[float, Array]:
         """Log-likelihood up to a constant, and the unknowns (p,)."""
         base, joints = self.base, range(self.base.joints)
-        runs = base.prepared.runs
-        gap = [left + _moved(run, delay) for run, left in zip(runs, base.gap, strict=True)]
+        gap, xy = [], self.xy
+        for run, left in enumerate(base.gap):
+            whole, share = divmod(delay * base.prepared.runs[run].logged.sample_rate, 1)
+            # Between two samples the torque is a line, and so is all that is linear in it.
+            (sooner, its_products), (later, their_products) = (self.moved(run, int(whole) + k) for k in (0, 1))
+            gap.append(left + (1 - share) * sooner + share * later)
+            xy = xy + (1 - share) * its_products + share * their_products
+        values = solve(self.matrix, self.weights @ xy, self.lower, self.upper)
         y = base.rows(gap)
-        xy = [sum(x[j].T @ own[j] for x, own in zip(self.x, y, strict=True)) for j in joints]
-        values = solve(self.matrix, self.weights @ np.array(xy), self.lower, self.upper)
         squares = np.array(
             [
                 sum(float(np.sum((own[j] - x[j] @ values) ** 2)) for x, own in zip(self.x, y, strict=True))
@@ -76,10 +84,21 @@ class _Shifted:
         likelihood = log_of_squares(self.hypothesis.independent, squares)
         return likelihood + float(log_prior(self.hypothesis, values)), values
 
+    def _moved(self, run: int, samples: int) -> tuple[Array, Array]:
+        """What shifting back by whole samples adds to a run's filtered torque, (M, n) N·m; X' times it (n, p).
 
-def _moved(run: Run, delay: float) -> Array:
-    """What shifting back adds to a run's filtered torque, (M, n) N·m; the first sample is held."""
-    instants = np.arange(run.logged.samples)
-    before = instants - delay * run.logged.sample_rate
-    torque = np.column_stack([np.interp(before, instants, each) for each in run.logged.tau.T])
-    return run.filtered(torque - run.logged.tau, range(torque.shape[1]))
+        The first sample is held.
+        """
+        each = self.base.prepared.runs[run]
+        torque = each.logged.tau[np.maximum(np.arange(each.logged.samples) - samples, 0)]
+        moved = each.filtered(torque - each.logged.tau, range(self.base.joints))
+        return moved, self._products(run, moved)
+
+    def _products(self, run: int, torque: Array) -> Array:
+        """X'y of a run's torque (M, n), by joint (n, p)."""
+        base, found = self.base, np.zeros((self.base.joints, len(self.matrix)))
+        for fold, (of_run, _) in enumerate(base.folds):
+            if of_run == run:
+                for joint, x in enumerate(self.x[fold]):
+                    found[joint] += x.T @ torque[base.used[fold][joint], joint]
+        return found

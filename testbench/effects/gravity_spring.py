@@ -73,6 +73,18 @@ def _lever(angle: Any) -> Any:
     return 0.5 * np.sin(angle) / np.sqrt(1.25 - np.cos(angle))
 
 
+@kernel
+def _levers(phase: float, angle: Array) -> Array:
+    """``_lever`` (N,) of a phase less an angle, given as its cosine and sine (N, 2)."""
+    cosine, sine = np.cos(phase), np.sin(phase)
+    out = np.empty(len(angle))
+    for t in range(len(angle)):
+        across = sine * angle[t, 0] - cosine * angle[t, 1]
+        along = cosine * angle[t, 0] + sine * angle[t, 1]
+        out[t] = 0.5 * across / np.sqrt(1.25 - along)
+    return out
+
+
 @hook_kernel
 def _spring(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 3)
@@ -88,7 +100,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     sine = Member({}, (joint,), single_joint(columns), -free, free)
 
     def gas_spring(shape: Mapping[str, float]) -> Member:
-        levers = [-_lever(shape["phase"] - run.q[:, joint])[:, None] for run in runs]
+        levers = [-_levers(shape["phase"], own)[:, None] for own in columns]
         return Member(
             dict(shape), (joint,), single_joint(levers), np.zeros(1), np.full(1, np.inf), GAS_SPRING
         )
