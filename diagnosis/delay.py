@@ -60,7 +60,7 @@ class _Shifted:
         self.matrix = products + np.diag(scaled_precision(self.hypothesis, fitted.prior_scales))
         self.lower, self.upper = bounds(self.hypothesis)
 
-        self.xy: Array = sum(self._products(run, left) for run, left in enumerate(self.base.gap))
+        self.xy = np.sum([self._products(run, left) for run, left in enumerate(self.base.gap)], axis=0)
         self.moved = lru_cache(maxsize=None)(self._moved)
 
     def fit(self, delay: float) -> tuple[float, Array]:
@@ -70,14 +70,18 @@ class _Shifted:
         for run, left in enumerate(base.gap):
             whole, share = divmod(delay * base.prepared.runs[run].logged.sample_rate, 1)
             # Between two samples the torque is a line, and so is all that is linear in it.
-            (sooner, its_products), (later, their_products) = (self.moved(run, int(whole) + k) for k in (0, 1))
-            gap.append(left + (1 - share) * sooner + share * later)
-            xy = xy + (1 - share) * its_products + share * their_products
+            parts = self.moved(run, int(whole)), self.moved(run, int(whole) + 1)
+            moved, products = ((1 - share) * one + share * other for one, other in zip(*parts, strict=True))
+            gap.append(left + moved)
+            xy = xy + products
         values = solve(self.matrix, self.weights @ xy, self.lower, self.upper)
         y = base.rows(gap)
         squares = np.array(
             [
-                sum(float(np.sum((own[j] - x[j] @ values) ** 2)) for x, own in zip(self.x, y, strict=True))
+                sum(
+                    float(np.sum((own[j] - x[j] @ values[base.loading[j]]) ** 2))
+                    for x, own in zip(self.x, y, strict=True)
+                )
                 for j in joints
             ]
         )
@@ -85,7 +89,7 @@ class _Shifted:
         return likelihood + float(log_prior(self.hypothesis, values)), values
 
     def _moved(self, run: int, samples: int) -> tuple[Array, Array]:
-        """What shifting back by whole samples adds to a run's filtered torque, (M, n) N·m; X' times it (n, p).
+        """What shifting back by whole samples adds to a run's filtered torque, (M, n) N·m; X' of it, (n, p).
 
         The first sample is held.
         """
@@ -100,5 +104,5 @@ class _Shifted:
         for fold, (of_run, _) in enumerate(base.folds):
             if of_run == run:
                 for joint, x in enumerate(self.x[fold]):
-                    found[joint] += x.T @ torque[base.used[fold][joint], joint]
+                    found[joint, base.loading[joint]] += x.T @ torque[base.used[fold][joint], joint]
         return found

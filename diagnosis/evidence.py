@@ -73,8 +73,8 @@ class Normal:
         for fold in range(folds):
             for joint in range(n):
                 z = added[fold][joint]
-                cross = base.x[fold][joint].T @ z
-                self.xx[fold, joint, :first, first:], self.xx[fold, joint, first:, :first] = cross, cross.T
+                cross, own = base.x[fold][joint].T @ z, slice(base.loading[joint].start, first)
+                self.xx[fold, joint, own, first:], self.xx[fold, joint, first:, own] = cross, cross.T
                 self.xx[fold, joint, first:, first:] = z.T @ z
                 self.xy[fold, joint, first:] = z.T @ base.y[fold][joint]
 
@@ -215,7 +215,9 @@ def _residual(hypothesis: Design, values: Array) -> tuple[Array, ...]:
 def _left(hypothesis: Design, run: int, part: slice, values: Array) -> Array:
     """Residual (M, n) N·m of a part of one run; zero where samples do not count."""
     base = ground(hypothesis.prepared)
-    left = base.gap[run][part] - base.columns[run][part] @ values[: base.parameters]
-    for candidate, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
-        left -= candidate.columns[run][part] @ values[own]
+    own = values[: base.parameters]
+    each = zip(base.columns[run], base.loading, strict=True)
+    left = base.gap[run][part] - np.column_stack([columns[part] @ own[loading] for columns, loading in each])
+    for candidate, part_of in zip(hypothesis.accepted, hypothesis.parts, strict=True):
+        left -= candidate.columns[run][part] @ values[part_of]
     return np.where(hypothesis.prepared.runs[run].used[part], left, 0.0)

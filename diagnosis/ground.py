@@ -10,6 +10,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.parameters import PER_JOINT
+
 from .preparation import Prepared
 from .prior import TIMING, parameter_widths
 
@@ -24,9 +26,10 @@ LEAST_TORQUE = 1e-9
 class Ground:
     """Base regressor and gap of prepared runs, with their used rows gathered by fold and joint.
 
-    columns: a run, (M, n, p). gap: a run, (M, n) N·m, torque less the model's. used: a fold, a joint, the
-    run's samples that count. x, y: their rows, (m, p) and (m,). xx, xy: the products, (F, n, p, p) and
-    (F, n, p). precision: (p,) of the prior. torque_rms: (n,) N·m of the joints' torque.
+    loading: (n,) the unknowns that load each joint: links before it never do. columns: a run, a joint, (M, u)
+    of its u. gap: a run, (M, n) N·m, torque less the model's. used: a fold, a joint, the run's samples that
+    count. x, y: their rows, (m, u) and (m,). xx, xy: the products, (F, n, p, p) and (F, n, p). precision:
+    (p,) of the prior. torque_rms: (n,) N·m of the joints' torque.
     """
 
     def __init__(self, prepared: Prepared):
@@ -40,22 +43,31 @@ class Ground:
         )
         widths = parameter_widths(prepared.nominal, self.torque_rms, speed, acceleration)
         self.precision = np.append(widths, TIMING) ** -2.0
+        self.loading = tuple(slice(PER_JOINT * joint, None) for joint in range(self.joints))
+        late = [run.filtered(run.logged.predicted_rate, range(self.joints)) for run in prepared.runs]
         self.columns = tuple(
-            np.concatenate(
-                [run.rows, -run.filtered(run.logged.predicted_rate, range(self.joints))[:, :, None]], axis=2
+            tuple(
+                np.column_stack([run.rows[:, joint, loading], -own[:, joint]])
+                for joint, loading in enumerate(self.loading)
             )
-            for run in prepared.runs
+            for run, own in zip(prepared.runs, late, strict=True)
         )
         self.gap = tuple(run.torque - run.rows @ prepared.nominal for run in prepared.runs)
         self.used = [
             [np.flatnonzero(prepared.runs[run].used[part, j]) + part.start for j in range(self.joints)]
             for run, part in self.folds
         ]
-        self.x, self.y = self.rows(self.columns), self.rows(self.gap)
-        self.xx = np.array([[x.T @ x for x in fold] for fold in self.x])
-        self.xy = np.array(
-            [[x.T @ y for x, y in zip(*both, strict=True)] for both in zip(self.x, self.y, strict=True)]
-        )
+        self.x = [
+            [of_run[rows] for of_run, rows in zip(self.columns[run], used, strict=True)]
+            for (run, _), used in zip(self.folds, self.used, strict=True)
+        ]
+        self.y = self.rows(self.gap)
+        folds, p = len(self.folds), len(self.precision)
+        self.xx, self.xy = np.zeros((folds, self.joints, p, p)), np.zeros((folds, self.joints, p))
+        for fold, both in enumerate(zip(self.x, self.y, strict=True)):
+            for joint, (x, y) in enumerate(zip(*both, strict=True)):
+                own = self.loading[joint]
+                self.xx[fold, joint, own, own], self.xy[fold, joint, own] = x.T @ x, x.T @ y
 
     @property
     def parameters(self) -> int:

@@ -161,7 +161,7 @@ def asked_torque(prepared: Prepared, joint: int) -> list[Array]:
 
 def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     ground, weights, joint = stage.ground, stage.weights, limit.joint
-    folds, n = range(len(ground.folds)), ground.joints
+    folds, n, loading = range(len(ground.folds)), ground.joints, ground.loading[limit.joint]
     cut = [ground.rows_of(limit.candidate.columns, f, joint)[:, 0] for f in folds]
     used = [ground.used[f][joint] for f in folds]
     beyond = [limit.beyond[run][used[f]] for f, (run, _) in enumerate(ground.folds)]
@@ -174,8 +174,10 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     xx, xy = [], []
     for f in folds:
         x, y, out = stage.x[f][joint], ground.y[f][joint], beyond[f]
-        xx.append(stage.parts[f] - weights[joint] * x[out].T @ x[out])
-        xy.append(weights @ stage.xy[f] - weights[joint] * x.T @ np.where(out, y, cut[f]))
+        xx.append(stage.parts[f].copy())
+        xx[f][loading, loading] -= weights[joint] * x[out].T @ x[out]
+        xy.append(weights @ stage.xy[f])
+        xy[f][loading] -= weights[joint] * x.T @ np.where(out, y, cut[f])
     lower, upper = stage.fitted.bounds
     whole = stage.parts.sum(axis=0) + stage.precision
     values = solve(_of_what_is_left(sum(xx) + stage.precision, whole), sum(xy), lower, upper)
@@ -186,7 +188,7 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
         apart = _of_what_is_left(sum(xx) - xx[f] + stage.precision, whole)
         own = solve(apart, sum(xy) - xy[f], lower, upper)
         for j in range(n):
-            left = ground.y[f][j] - stage.x[f][j] @ own
+            left = ground.y[f][j] - stage.x[f][j] @ own[ground.loading[j]]
             if j == joint:
                 out = beyond[f]
                 before = left[out] ** 2

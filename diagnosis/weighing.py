@@ -6,6 +6,7 @@ regressor, a fold and a joint at a time, and every later hypothesis adds only it
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -72,12 +73,11 @@ class Stage:
         self.parts = np.einsum("j,fjab->fab", self.weights, self.xx)
         self.precision = np.diag(scaled_precision(hypothesis, fitted.prior_scales))
         self.total = self.parts.sum(axis=0) + self.precision
-        folds_falls = [
-            sum(w * x.T @ left for w, x, left in zip(self.weights, *both, strict=True))
-            for both in zip(self.x, self.residual, strict=True)
-        ]
+        folds_falls = np.zeros((len(self.x), len(self.precision)))
+        for f, j in product(folds, range(n)):
+            folds_falls[f, ground.loading[j]] += self.weights[j] * self.x[f][j].T @ self.residual[f][j]
         # Half of how fast the objective falls with each unknown: zero but for what is at a bound.
-        self.falls = sum(folds_falls, -self.precision @ fitted.values)
+        self.falls = folds_falls.sum(axis=0) - self.precision @ fitted.values
         # What is at a bound moves with no candidate.
         self.whole = Inverse(self.total, at_bounds(fitted.values, fitted.bounds))
         held_back = np.where(self.whole.fixed, self.falls, 0.0)
@@ -233,7 +233,7 @@ class Stage:
             sums.with_x.append(with_x)
             sums.with_held.append([z.T @ h for z, h in zip(bank.z[f], self.held[f], strict=True)])
             for j, (at, weight) in enumerate(zip(bank.reached, self.weights, strict=True)):
-                sums.cross[f, at] += weight * with_x[j]
+                sums.cross[f, at, self.ground.loading[j]] += weight * with_x[j]
                 sums.right[f, at] += weight * (bank.z[f][j].T @ self.residual[f][j])
         return sums
 
@@ -260,9 +260,11 @@ class Stage:
             np.add.at(moved.T, bank.owner, -(through * apart[f]).T)
             for j, at in enumerate(bank.reached):
                 owner = bank.owner[at]
-                meet = sums.with_held[f][j] - np.einsum("kp,pk->k", sums.with_x[f][j], moved[:, owner])
-                drop[:, j] += 2 * (self.xh[f][j] @ moved)
-                drop[:, j] -= np.sum(moved * (self.xx[f][j] @ moved), axis=0)
+                loading = self.ground.loading[j]
+                own = moved[loading]
+                meet = sums.with_held[f][j] - np.einsum("kp,pk->k", sums.with_x[f][j], own[:, owner])
+                drop[:, j] += 2 * (self.xh[f][j] @ own)
+                drop[:, j] -= np.sum(own * (self.xx[f][j][loading, loading] @ own), axis=0)
                 drop[:, j] += np.bincount(owner, 2 * apart[f, at] * meet, minlength=count)
         return drop
 
@@ -271,7 +273,8 @@ class Stage:
 class _Sums:
     """Products of a bank's columns: with the hypothesis's and its residual, weighted, by fold; and by joint.
 
-    cross: (F, K, p). right: (F, K). with_x, with_held: a fold, a joint, (K_j, p) and (K_j,), unweighted.
+    cross: (F, K, p). right: (F, K). with_x, with_held: a fold, a joint, (K_j, u) and (K_j,), unweighted, of
+    the u unknowns that load it.
     """
 
     cross: Array

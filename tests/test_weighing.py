@@ -30,6 +30,11 @@ def stage(tmp_path_factory):
     return Stage(ground(prepared), *fitted_to(prepared, []))
 
 
+def base_rows(base, fold, joint):
+    """A joint's rows of the base regressor, (m, p): zero for what does not load it."""
+    return np.pad(base.x[fold][joint], ((0, 0), (base.loading[joint].start, 0)))
+
+
 def solved(stage, candidate, folds):
     """Coefficients of everything, fitted to some folds with the stage's weights and prior; its objective."""
     base = stage.ground
@@ -38,7 +43,7 @@ def solved(stage, candidate, folds):
         for j in range(base.joints):
             root = np.sqrt(stage.weights[j])
             z = base.rows_of(candidate.columns, f, j) if candidate else np.zeros((len(base.y[f][j]), 0))
-            rows.append(root * np.hstack([base.x[f][j], z]))
+            rows.append(root * np.hstack([base_rows(base, f, j), z]))
             right.append(root * base.y[f][j])
     count = candidate.count if candidate else 0
     prior = np.diag(np.sqrt(scaled_precision(stage.hypothesis, stage.fitted.prior_scales)))
@@ -60,11 +65,17 @@ def held_out(stage, candidate):
     for f in range(len(base.folds)):
         values, _ = solved(stage, candidate, [other for other in range(len(base.folds)) if other != f])
         for j in range(base.joints):
-            rows = base.x[f][j]
+            rows = base_rows(base, f, j)
             if candidate:
                 rows = np.hstack([rows, base.rows_of(candidate.columns, f, j)])
             total[j] += np.sum((base.y[f][j] - rows @ values) ** 2)
     return total
+
+
+def test_what_does_not_load_a_joint_has_no_column_there(stage):
+    for joint, loading in enumerate(stage.ground.loading):
+        for run in stage.prepared.runs:
+            assert not run.rows[:, joint, : loading.start].any()
 
 
 def test_gains_are_those_of_solving_each_hypothesis(stage):
