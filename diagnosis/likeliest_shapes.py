@@ -35,22 +35,24 @@ def at_likeliest_shapes(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[
 
     robot: that sizes are relative to. A delay has its exact size already.
     """
-    searched = sum(_is_searched(each) for each in hypothesis.accepted)
+    searched = sum(is_searched(each) for each in hypothesis.accepted)
     for least_step in LEAST_STEPS[:searched]:
         refined = [
-            _refined(robot, hypothesis, fitted, place, least_step) if _is_searched(each) else each
+            at_likeliest_shape(robot, hypothesis, fitted, place, least_step) if is_searched(each) else each
             for place, each in enumerate(hypothesis.accepted)
         ]
         hypothesis, fitted = fitted_to(hypothesis.prepared, refined)
     return hypothesis, fitted
 
 
-def _is_searched(each: Candidate) -> bool:
+def is_searched(each: Candidate) -> bool:
     """Whether an effect has shapes that are searched for."""
     return each.family.member is not None and each.family.effect != DELAY and bool(searched_for(each))
 
 
-def _refined(robot: Robot, hypothesis: Design, fitted: Fit, place: int, least_step: float) -> Candidate:
+def at_likeliest_shape(
+    robot: Robot, hypothesis: Design, fitted: Fit, place: int, least_step: float = LEAST_STEPS[0]
+) -> Candidate:
     """An effect at the likeliest of its shapes, beside the others as they are."""
     each, prepared = hypothesis.accepted[place], hypothesis.prepared
     others = design(prepared, [*hypothesis.accepted[:place], *hypothesis.accepted[place + 1 :]])

@@ -16,6 +16,7 @@ from .ground import Ground
 from .healthy import is_plausible
 from .hypothesis import DELAY, Design
 from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price
+from .likeliest_shapes import at_likeliest_shape, is_searched
 from .linearisation import bends_parameters, linearised_anew
 from .shape_search import search
 from .weighing import Stage
@@ -61,7 +62,7 @@ def choose(
     # price is for rivals; here nothing is to make the fit far worse.
     if likelihoods[first] + price(stage.hypothesis, shortlist[first].candidate) <= before:
         return None
-    trial = stage.with_effects([shortlist[first].candidate])
+    shortlist[first], trial = _likelier(robot, stage, shortlist[first])
     after = Stage(stage.ground, *trial)
     left = after.gains(Bank(stage.ground, [w.candidate for w in shortlist]))
     kept = [first]
@@ -100,6 +101,21 @@ def _of_joints(
     for index, own in zip(near, exact, strict=True):
         found[index] = likelihoods[first] + own - max(exact)
     return found
+
+
+def _likelier(robot: Robot, stage: Stage, best: Weighed) -> tuple[Weighed, tuple[Design, Fit]]:
+    """The best at the shape that all runs together have likeliest, where that is likelier; and its fit.
+
+    The weights of the hypothesis without it may not suit it, and a shape not quite right leaves a rest.
+    """
+    trial = stage.with_effects([best.candidate])
+    if not is_searched(best.candidate):
+        return best, trial
+    likeliest = at_likeliest_shape(robot, *trial, len(trial[0].accepted) - 1)
+    gain, other = stage.gain(likeliest), stage.with_effects([likeliest])
+    if gain is None or log_likelihood(*other) <= log_likelihood(*trial):
+        return best, trial
+    return Weighed(gain, gained(stage, gain)), other
 
 
 def refined_again(robot: Robot, base: Ground, hypothesis: Design) -> tuple[Design, Fit]:
