@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis import shortlist
 from diagnosis.bank import Bank
 from diagnosis.candidates import candidates
 from diagnosis.evidence import fitted_to
@@ -37,6 +38,22 @@ def test_what_fits_a_joint_best_is_listed_though_it_was_not_material(arm):
     best, rivals, _ = chosen
     assert best.candidate.family.effect == "cable_spring"
     assert [each.candidate.family.effect for each, _ in rivals] == ["gravity_spring"]
+
+
+def test_what_left_out_runs_leave_at_the_wrong_shape_is_moved_by_all_runs_together(arm, monkeypatch):
+    """Or another spring of the joint would explain what the wrong shape leaves."""
+    cable = parse_injection(arm, "cable_spring:elbow:law=hysteretic,stiffness=3,rest=0.4")
+    prepared = prepare(arm, simulated_runs(arm, [cable], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    (proposed,) = weigh(stage, Bank(stage.ground, candidates(prepared, only=["cable_spring"])[4:]))
+    assert proposed.candidate.family.joint == 1
+    # Left-out runs look no further than this.
+    monkeypatch.setattr(shortlist, "search", lambda *found: None)
+    chosen = choose(arm, stage, [proposed], [proposed])
+    assert chosen is not None
+    wanted = {"friction": pytest.approx(0.2, rel=0.1), "yields": pytest.approx(0.1, rel=0.2)}
+    assert proposed.candidate.member.shape != wanted
+    assert chosen[0].candidate.member.shape == wanted
 
 
 def test_what_shows_nothing_on_other_ground_stays_as_it_was(arm):
