@@ -15,8 +15,8 @@ from .evidence import Fit
 from .ground import Ground
 from .healthy import is_plausible
 from .hypothesis import DELAY, Design
-from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price
 from .likeliest_shapes import at_likeliest_shape, is_searched
+from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price
 from .linearisation import bends_parameters, linearised_anew
 from .shape_search import search
 from .weighing import Stage
