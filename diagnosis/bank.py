@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 class Bank:
     """Candidates with the products of their columns with each other and with the base regressor.
 
-    K columns of all candidates side by side. owner: (K,) the candidate of each. Sums are kept apart by
-    fold and joint, since weights change from one hypothesis to the next.
+    K columns of all candidates side by side. owner: (K,) the candidate of each. joints: those that any
+    reaches. Sums are kept apart by fold and joint, since weights change from one hypothesis to the next.
     """
 
     def __init__(self, ground: Ground, proposals: Sequence[Candidate]):
@@ -26,6 +26,7 @@ class Bank:
         folds, n = range(len(ground.folds)), ground.joints
         reach = [[c for c, each in enumerate(proposals) if j in each.member.rows] for j in range(n)]
         self.reached = [np.flatnonzero(np.isin(self.owner, own)) for own in reach]
+        self.joints = [j for j in range(n) if len(self.reached[j])]
         # Columns that reach a joint, of the used rows of a fold: (m, K_j).
         self.z = [
             [

@@ -67,15 +67,15 @@ class Stage:
         self.residual, self.held = ground.rows(fitted.residual), ground.rows(fitted.held_out)
         normal = Normal(hypothesis)
         self.xx, self.xy = normal.xx, normal.xy
-        self.xh = [
-            [x.T @ h for x, h in zip(*both, strict=True)] for both in zip(self.x, self.held, strict=True)
-        ]
         self.parts = np.einsum("j,fjab->fab", self.weights, self.xx)
         self.precision = np.diag(scaled_precision(hypothesis, fitted.prior_scales))
         self.total = self.parts.sum(axis=0) + self.precision
         folds_falls = np.zeros((len(self.x), len(self.precision)))
+        self.xh = np.zeros((len(self.x), n, len(self.precision)))
         for f, j in product(folds, range(n)):
-            folds_falls[f, ground.loading[j]] += self.weights[j] * self.x[f][j].T @ self.residual[f][j]
+            x, loading = self.x[f][j], ground.loading[j]
+            folds_falls[f, loading] += self.weights[j] * x.T @ self.residual[f][j]
+            self.xh[f, j, loading] = x.T @ self.held[f][j]
         # Half of how fast the objective falls with each unknown: zero but for what is at a bound.
         self.falls = folds_falls.sum(axis=0) - self.precision @ fitted.values
         # What is at a bound moves with no candidate.
@@ -223,18 +223,14 @@ class Stage:
         return found
 
     def _sums(self, bank: Bank) -> "_Sums":
-        folds, n = range(len(self.residual)), self.prepared.joints
-        p, columns = len(self.hypothesis.precision), len(bank.owner)
-        sums = _Sums(np.zeros((len(folds), columns, p)), np.zeros((len(folds), columns)), [], [])
-        for f in folds:
-            with_x = [
-                np.concatenate([bank.zx[f][j], bank.z[f][j].T @ self.added[f][j]], axis=1) for j in range(n)
-            ]
-            sums.with_x.append(with_x)
-            sums.with_held.append([z.T @ h for z, h in zip(bank.z[f], self.held[f], strict=True)])
-            for j, (at, weight) in enumerate(zip(bank.reached, self.weights, strict=True)):
-                sums.cross[f, at, self.ground.loading[j]] += weight * with_x[j]
-                sums.right[f, at] += weight * (bank.z[f][j].T @ self.residual[f][j])
+        folds, p, columns = range(len(self.residual)), len(self.hypothesis.precision), len(bank.owner)
+        sums = _Sums(np.zeros((len(folds), columns, p)), np.zeros((len(folds), columns)), {}, {})
+        for f, j in product(folds, bank.joints):
+            z, at, weight = bank.z[f][j], bank.reached[j], self.weights[j]
+            with_x = np.concatenate([bank.zx[f][j], z.T @ self.added[f][j]], axis=1)
+            sums.with_x[f, j], sums.with_held[f, j] = with_x, z.T @ self.held[f][j]
+            sums.cross[f, at, self.ground.loading[j]] += weight * with_x
+            sums.right[f, at] += weight * (z.T @ self.residual[f][j])
         return sums
 
     def _live(
@@ -258,13 +254,12 @@ class Stage:
         for f, through in enumerate(through_apart):
             moved = np.zeros((len(self.hypothesis.precision), count))
             np.add.at(moved.T, bank.owner, -(through * apart[f]).T)
-            for j, at in enumerate(bank.reached):
+            drop += (2 * (self.xh[f] @ moved) - np.sum(moved * (self.xx[f] @ moved), axis=1)).T
+            for j in bank.joints:
+                at = bank.reached[j]
                 owner = bank.owner[at]
-                loading = self.ground.loading[j]
-                own = moved[loading]
-                meet = sums.with_held[f][j] - np.einsum("kp,pk->k", sums.with_x[f][j], own[:, owner])
-                drop[:, j] += 2 * (self.xh[f][j] @ own)
-                drop[:, j] -= np.sum(own * (self.xx[f][j][loading, loading] @ own), axis=0)
+                own = moved[self.ground.loading[j]][:, owner]
+                meet = sums.with_held[f, j] - np.einsum("ku,uk->k", sums.with_x[f, j], own)
                 drop[:, j] += np.bincount(owner, 2 * apart[f, at] * meet, minlength=count)
         return drop
 
@@ -273,14 +268,14 @@ class Stage:
 class _Sums:
     """Products of a bank's columns: with the hypothesis's and its residual, weighted, by fold; and by joint.
 
-    cross: (F, K, p). right: (F, K). with_x, with_held: a fold, a joint, (K_j, u) and (K_j,), unweighted, of
+    cross: (F, K, p). right: (F, K). with_x, with_held: by fold and joint, (K_j, u) and (K_j,), unweighted, of
     the u unknowns that load it.
     """
 
     cross: Array
     right: Array
-    with_x: list[list[Array]]
-    with_held: list[list[Array]]
+    with_x: dict[tuple[int, int], Array]
+    with_held: dict[tuple[int, int], Array]
 
 
 def _products(cross: Array, through: Array, at: NDArray[np.int64]) -> Array:
