@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from testbench.effects.signature import Family
 from testbench.robot import Robot
 
 from .candidates import Candidate
@@ -174,7 +175,9 @@ def is_main(
     if family.joint is not None and family.joint in named | coupled:
         prominent = best.score > SECOND_PROMINENT * elsewhere
         enough = bool(shares[family.joint] > SECOND_SHARE)
-        is_second = prominent or enough or _is_no_rest(robot, stage, gain, firsts)
+        is_second = _is_no_rest(robot, stage, gain, firsts)
+        if not _is_of_one_transmission(family, firsts):
+            is_second |= prominent or enough
         # At a coupling's other joint it must be as much as anywhere, too.
         if family.joint in named or not is_second:
             return is_second
@@ -192,6 +195,15 @@ def _is_any_cable(robot: Robot, stage: Stage, gain: Gain) -> bool:
     """Whether it is neither most of what is left at its joint nor certainly beyond every arm's cables."""
     left = float(stage.shares(gain)[gain.candidate.family.joint])
     return left < CABLE_LEFT and not _is_certainly_beyond(robot, stage, gain, CABLE_BEYOND)
+
+
+def _is_of_one_transmission(family: Family, firsts: Sequence[Candidate]) -> bool:
+    """Whether both it and one of these are a play or an elasticity of its joint.
+
+    Each imitates most of the other, and no tooth is as modelled: what one leaves the other seems to explain.
+    """
+    own = [each.family.effect for each in firsts if each.family.joint == family.joint]
+    return family.effect in TRANSMISSIONS and not set(TRANSMISSIONS).isdisjoint(own)
 
 
 def _is_no_rest(robot: Robot, stage: Stage, gain: Gain, firsts: Sequence[Candidate]) -> bool:

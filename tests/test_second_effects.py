@@ -103,6 +103,20 @@ def test_what_a_second_effect_does_to_joints_that_the_first_leaves_alone_is_no_r
 
 
 @pytest.mark.parametrize(
+    ("first", "left", "expected"),
+    [("backlash", 0.35, False), ("transmission_ripple", 0.35, True), ("backlash", 0.7, True)],
+)
+def test_an_elasticity_beside_a_play_of_its_joint_is_most_of_what_that_leaves(
+    tmp_path, first, left, expected
+):
+    arm = small_arm(tmp_path)
+    stage, (own, _) = healthy_stage(arm, "joint_elasticity")
+    named = next(c for c in candidates(stage.prepared, only=[first]) if c.family.joint == 0)
+    gain = _of_size(arm, stage, own, 2.0, 0.01, left)
+    assert _is_named(arm, stage, gain, [named], before=1.0) == expected
+
+
+@pytest.mark.parametrize(
     ("times", "left", "expected"), [(2.0, 0.25, True), (1.3, 0.25, False), (1.3, 0.9, True)]
 )
 def test_a_cable_that_is_little_of_the_rest_is_beyond_what_every_arm_has(tmp_path, times, left, expected):
