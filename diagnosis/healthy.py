@@ -163,6 +163,7 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
     largest = 0.0
     for name in SIZES.get(family.effect, (description.parameters[0].name,)):
         mild, severe = typical_range(known[name], robot, family.joint)
+        grows = severe >= mild
         if family.effect == PAYLOAD:
             masses = robot.parameters.reshape(-1, PER_JOINT)[:, MASS]
             mild = min(mild, OF_LAST_LINK * max(float(masses[-1]), OF_HEAVIEST * float(masses.max())))
@@ -171,7 +172,8 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
             mild = max(mild, least * float(torque_scale[family.joint]))
             if family.effect == SPRING:
                 mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
-            severe = max(mild, severe)
+            # A least size stands for the mild end of what grows.
+            grows = True
         value = _number(values[name])
         if family.effect == CABLE:
             value *= _lever(robot, family.joint)
@@ -183,7 +185,7 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
             value *= power * min(exponent * (exponent - 1) / 2, 1.0)
             speed = power ** (1 / exponent)
             mild = BENT * speed * scale_of("viscous", robot, family.joint)
-        small, large = (value, mild) if severe >= mild else (mild, value)
+        small, large = (value, mild) if grows else (mild, value)
         largest = max(largest, small / large if large > 0 else np.inf)
     return largest
 

@@ -178,6 +178,18 @@ def test_the_nearer_an_exponent_is_to_one_the_less_friction_bends(tmp_path):
     assert times[0] == pytest.approx(0.12 * times[1], rel=0.05)
 
 
+def test_friction_that_bends_more_is_larger_however_fast_the_joint_moves(tmp_path):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    family = candidates(prepared, only=["nonlinear_viscous_friction"])[0].family
+    bent = candidate(prepared, family, family.member({"exponent": 2.0}))
+    for faster in (1.0, 400.0):
+        columns = tuple(faster * each for each in bent.member.columns)
+        own = replace(bent, member=replace(bent.member, columns=columns))
+        times = [times_healthy(arm, np.ones(arm.joints), own, np.array([amount])) for amount in (0.01, 0.02)]
+        assert times[1] == pytest.approx(2 * times[0])
+
+
 @pytest.mark.parametrize(("samples", "expected"), [(0.2, False), (0.8, True)])
 def test_a_lag_of_less_than_a_share_of_a_sample_is_the_logs(tmp_path, samples, expected):
     arm = small_arm(tmp_path)
