@@ -89,6 +89,15 @@ def log_posterior(hypothesis: Design, fitted: Fit) -> float:
     return within + float(log_prior(hypothesis, fitted.values))
 
 
+def by_chance(candidate: Candidate) -> float:
+    """Log-likelihood that the coefficients of an effect gain by chance, beyond those of one that has two.
+
+    One each (Akaike, IEEE Trans. Automatic Control 19(6), 1974). A payload has up to ten.
+    """
+    free = int(np.sum(candidate.member.upper > candidate.member.lower))
+    return float(max(free - 2, 0))
+
+
 def price(hypothesis: Design, candidate: Candidate) -> float:
     """Half the logarithm of the samples that tell of it, for everything that was fitted of an effect."""
     told = float(np.max(hypothesis.independent[list(candidate.member.rows)]))

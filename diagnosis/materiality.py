@@ -26,7 +26,7 @@ from .healthy import (
     is_beyond_healthy,
 )
 from .hypothesis import DELAY, LATE
-from .likelihood import Weighed, gained, gained_by_shift, gained_elsewhere
+from .likelihood import Weighed, by_chance, gained, gained_by_shift, gained_elsewhere
 from .linearisation import TRANSMISSIONS
 from .weighing import Gain, Stage
 
@@ -35,7 +35,8 @@ Array = NDArray[np.float64]
 # Share of a joint's held-out squared residual, and of its RMS torque, that an effect must explain ...
 SMALLEST_SHARE = 0.10
 SMALLEST_TORQUE = 0.005
-# ... or the log-likelihood of the parameters' shift that it must spare, where it is swallowed by them.
+# ... or the log-likelihood of the parameters' shift that it must spare, where it is swallowed by them and has
+# one coefficient or two.
 SMALLEST_SHIFT = 7.5
 # And what must be left of that with what it does to runs left out.
 SMALLEST_SUM = 6.0
@@ -134,7 +135,8 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = Fa
         return False
     if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
         return False
-    shifts = gained_by_shift(stage, gain) > SMALLEST_SHIFT and gained(stage, gain) > SMALLEST_SUM
+    least = SMALLEST_SHIFT + by_chance(gain.candidate)
+    shifts = gained_by_shift(stage, gain) > least and gained(stage, gain) > SMALLEST_SUM
     if gain.overlap > HIDDEN_OVERLAP and shifts and not _is_of_sensors(robot, stage, gain):
         return True
     enough = (stage.shares(gain) > SMALLEST_SHARE) & (

@@ -14,7 +14,7 @@ import numpy as np
 from .bank import Bank
 from .candidates import Candidate
 from .healthy import CABLE, SPRING
-from .likelihood import Weighed, gained_by_joint, log_posterior, weigh
+from .likelihood import Weighed, by_chance, gained_by_joint, log_posterior, weigh
 from .linearisation import bends_parameters, linearised_anew
 from .weighing import Stage
 
@@ -34,7 +34,8 @@ TRACES = ("encoder_eccentricity", "base_tilt")
 # left of it without any one joint but its own.
 BESIDE, SMALLEST_GAIN, SMALLEST_ELSEWHERE = 8.0, 9.0, 5.0
 # Of what bends all parameters: Wald's statistic from which it is fitted in full, the log-posterior of all
-# runs together that it must add, and the log-likelihood that it may lose by those left out.
+# runs together that it must add with one coefficient or two, and the log-likelihood that it may lose by those
+# left out.
 WORTH_A_FIT, SMALLEST_EVIDENCE, AGAINST = 9.0, 7.5, -5.0
 
 
@@ -67,7 +68,7 @@ def _by_all_runs(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
     for each in found:
         hypothesis, fitted = linearised_anew(*stage.compared(each.candidate))
         evidence = log_posterior(hypothesis, fitted) - before
-        if evidence > SMALLEST_EVIDENCE:
+        if evidence > SMALLEST_EVIDENCE + by_chance(each.candidate):
             gain = replace(each.gain, coefficients=fitted.values[hypothesis.parts[-1]])
             told.append(Weighed(gain, evidence))
     return told

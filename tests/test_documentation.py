@@ -195,5 +195,5 @@ def test_the_page_of_decisions_states_the_levels_of_the_code() -> None:
     told = {words[row[0]]: row[1] for row in rows if row[0] in words}
     assert told == {effect: levels[effect] for effect in words.values()}
     assert rows[0][1] == levels["transmission_ripple"]
-    assert f"(log-likelihood {SMALLEST_SHIFT:.10g})" in text
+    assert f"(log-likelihood {SMALLEST_SHIFT:.10g}, and one more for each coefficient" in text
     assert f"(log-likelihood {ALIKE['gravity_spring'][2]:.10g})" in text

@@ -99,6 +99,25 @@ def test_a_swallowed_spring_brings_the_parameters_nearer_to_the_models(tmp_path,
     assert is_main(arm, stage, stage, Weighed(swallowed, 500.0), (), ()) == expected
 
 
+@pytest.mark.parametrize(
+    ("name", "shift", "expected"),
+    [
+        ("torque_gain_error", 9.0, True),
+        # A payload's ten coefficients gain as much by chance.
+        ("payload", 9.0, False),
+        ("payload", 17.0, True),
+    ],
+)
+def test_a_shift_spared_by_many_coefficients_pays_for_them(tmp_path, name, shift, expected):
+    arm = small_arm(tmp_path)
+    stage, _ = healthy_stage(arm, "cable_spring")
+    gain = stage.gain(candidates(stage.prepared, only=[name])[0])
+    assert gain is not None
+    nothing = np.zeros(arm.joints)
+    gain = replace(gain, overlap=0.99, prior=stage.prior + shift, held_out=nothing)
+    assert is_material(arm, stage, Weighed(gain, 20.0)) == expected
+
+
 @pytest.mark.parametrize(("score", "expected"), [(20.0, True), (-5.0, False)])
 def test_what_costs_more_at_other_joints_than_it_explains_at_its_own_is_not_material(
     tmp_path, score, expected
