@@ -41,10 +41,11 @@ ONE_JOINTS: Mapping[str, tuple[float, float, float]] = {
     OF_THE_LOAD: (1.5, 0.0, np.inf),
 }
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: up to
-# this share of their joint's torque they have no name where others surely give way this share as far; nor,
-# up to another, unless Wald's statistic tells them, so many times that of any other joint, or they are this
-# share of the rest.
-BRISTLES_OF_ALL, BRISTLES_ALIKE = 0.025, 0.5
+# this share of their joint's torque they have no name where others surely give way this share as far, and
+# whatever they are where this share of the other joints does, three at least; nor, up to another share of
+# the torque, unless Wald's statistic tells them, so many times that of any other joint, or they are this share
+# of the rest.
+BRISTLES_OF_ALL, BRISTLES_ALIKE, BRISTLES_MOST = 0.025, 0.5, 0.5
 BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.85, 0.015
 
 
@@ -147,13 +148,18 @@ def _is_of_one(robot: Robot, place: int, theirs: float, open_: Sequence[Weighed]
 def _are_bristles_of_all(
     robot: Robot, place: int, item: Accepted, open_: Sequence[Weighed], last: Stage
 ) -> bool:
-    """Whether this effect is bristles, little of its joint's torque and seen hardly better than others'."""
+    """Whether this effect is bristles as most joints have, or few if they are little of its joint's torque.
+
+    And least of all if others' are seen about as well.
+    """
     torque = float(np.sqrt(item.worth))
-    if item.candidate.family.effect != BRISTLES or torque > BRISTLES_OF_ALL:
+    if item.candidate.family.effect != BRISTLES:
         return False
     own, others = _seen(robot, place, [BRISTLES], open_, last)
     alike = [each for each in others if each.times >= BRISTLES_ALIKE * own.times]
-    if sum(each.wald > BRISTLES_WALD for each in alike) >= SUCH_JOINTS:
+    surely = sum(each.wald > BRISTLES_WALD for each in alike)
+    many = max(BRISTLES_MOST * (last.prepared.joints - 1), SUCH_JOINTS + 1)
+    if surely >= (SUCH_JOINTS if torque <= BRISTLES_OF_ALL else many):
         return True
     if torque > BRISTLES_TORQUE:
         return False

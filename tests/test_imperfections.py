@@ -16,7 +16,7 @@ from diagnosis.likelihood import Weighed
 from diagnosis.report.words import everywhere
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
-from testbench.robot import Robot
+from testbench.robot import Robot, load_robot
 
 from .certain_gain import certain, healthy_stage, squares
 from .diagnosed import simulated_runs
@@ -138,3 +138,9 @@ def test_bristles_that_two_other_joints_have_too_are_no_one_joints(scara, torque
     assert _is_of_one(scara, "presliding_hysteresis", 1.2, torque, ("presliding_hysteresis", others)) == named
     # But for those that are much of its torque.
     assert _is_of_one(scara, "presliding_hysteresis", 1.2, 0.03, ("presliding_hysteresis", others))
+
+
+@pytest.mark.parametrize(("others", "named"), [(1.5, False), (0.4, True)])
+def test_bristles_that_most_joints_have_are_no_one_joints_however_much_of_its_torque(models, others, named):
+    robot = load_robot(models / "tx90.xml")
+    assert _is_of_one(robot, "presliding_hysteresis", 1.2, 0.03, ("presliding_hysteresis", others)) == named

@@ -45,6 +45,18 @@ def test_a_gas_spring_stronger_than_any_counterbalance_is_another_law(tmp_path, 
     assert is_plausible(arm, gas, np.array([stiffness])) == is_met
 
 
+@pytest.mark.parametrize(("rotor", "is_met"), [(0.0, False), (1.0, True)])
+def test_a_gearbox_swings_with_its_link_however_heavy_the_rotor(tmp_path, rotor, is_met):
+    arm = small_arm(tmp_path, ARM.replace('armature=".05"', f'armature="{rotor}"'))
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    own = next(c for c in candidates(prepared, only=["joint_elasticity"]) if c.family.joint == 1)
+    (stiffness, *_) = effect("joint_elasticity").DESCRIPTION.parameters
+    _, softest = typical_range(stiffness, arm, 1)
+    # A column's coefficient is one at the stiffness of its shape.
+    amount = own.member.shape["stiffness"] / (0.2 * softest)
+    assert is_plausible(arm, own, np.array([amount])) == is_met
+
+
 @pytest.mark.parametrize(("share", "is_met"), [(0.15, True), (2.0, False)])
 def test_a_cable_may_be_stiff_for_a_joint_of_little_friction(tmp_path, share, is_met):
     arm = small_arm(tmp_path, ARM.replace('frictionloss="2"', 'frictionloss="0.02"'))
