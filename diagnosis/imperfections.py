@@ -43,8 +43,8 @@ ONE_JOINTS: Mapping[str, tuple[float, float, float]] = {
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: up to
 # this share of their joint's torque they have no name where others surely give way this share as far, and
 # whatever they are where this share of the other joints does, three at least; nor, up to another share of
-# the torque, unless Wald's statistic tells them, so many times that of any other joint, or they are this share
-# of the rest.
+# the torque, unless Wald's statistic tells them, so many times that of any other joint, or they are this
+# share of the rest.
 BRISTLES_OF_ALL, BRISTLES_ALIKE, BRISTLES_MOST = 0.025, 0.5, 0.5
 BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.85, 0.015
 
