@@ -41,11 +41,11 @@ ONE_JOINTS: Mapping[str, tuple[float, float, float]] = {
     OF_THE_LOAD: (1.5, 0.0, np.inf),
 }
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: up to
-# this share of their joint's torque they have no name where others surely give way this share as far, and
-# whatever they are where this share of the other joints does, three at least; nor, up to another share of
-# the torque, unless Wald's statistic tells them, so many times that of any other joint, or they are this
-# share of the rest.
-BRISTLES_OF_ALL, BRISTLES_ALIKE, BRISTLES_MOST = 0.025, 0.5, 0.5
+# this share of their joint's torque they have no name where others surely give way this share as far, with
+# this share of the torque, and whatever they are where this share of the other joints does, three at least;
+# nor, up to another share of the torque, unless Wald's statistic tells them, so many times that of any other
+# joint, or they are this share of the rest.
+BRISTLES_OF_ALL, BRISTLES_ALIKE, BRISTLES_LEVEL, BRISTLES_MOST = 0.025, 0.5, 0.25, 0.5
 BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.85, 0.015
 
 
@@ -64,7 +64,8 @@ def of_one_joint(
             continue
         rest = [each for k, each in enumerate(found) if k != place and k not in faults]
         is_imperfection = _is_hardly_larger(robot, place, item, rest, open_, last)
-        if is_imperfection or _are_bristles_of_all(robot, place, item, open_, last):
+        others = [each for k, each in enumerate(found) if k != place]
+        if is_imperfection or _are_bristles_of_all(robot, place, item, others, open_, last):
             found[place] = replace(item, named=False, is_everywhere=True)
         else:
             faults.add(place)
@@ -107,8 +108,9 @@ def _of_others(
 
 @dataclass(frozen=True)
 class _Seen:
-    """An effect, taken in or not: how many times what a healthy joint has, and Wald's statistic."""
+    """An effect, taken in or not: its joint, how many times what a healthy one has, and Wald's statistic."""
 
+    joint: int
     times: float
     wald: float
 
@@ -119,7 +121,9 @@ def _seen(
     """The last hypothesis's effect at this place, and what is seen of some effects at the other joints."""
 
     def seen(candidate: Candidate, values: Array, wald: float) -> _Seen:
-        return _Seen(times_healthy(robot, last.ground.torque_rms, candidate, values), wald)
+        assert candidate.family.joint is not None
+        times = times_healthy(robot, last.ground.torque_rms, candidate, values)
+        return _Seen(candidate.family.joint, times, wald)
 
     parts = zip(last.hypothesis.accepted, last.hypothesis.parts, strict=True)
     every = [(each, last.fitted.values[part], last.fitted.wald(part)) for each, part in parts]
@@ -146,7 +150,12 @@ def _is_of_one(robot: Robot, place: int, theirs: float, open_: Sequence[Weighed]
 
 
 def _are_bristles_of_all(
-    robot: Robot, place: int, item: Accepted, open_: Sequence[Weighed], last: Stage
+    robot: Robot,
+    place: int,
+    item: Accepted,
+    rest: Sequence[Accepted],
+    open_: Sequence[Weighed],
+    last: Stage,
 ) -> bool:
     """Whether this effect is bristles as most joints have, or few if they are little of its joint's torque.
 
@@ -156,7 +165,9 @@ def _are_bristles_of_all(
     if item.candidate.family.effect != BRISTLES:
         return False
     own, others = _seen(robot, place, [BRISTLES], open_, last)
-    alike = [each for each in others if each.times >= BRISTLES_ALIKE * own.times]
+    # The softest bristles are no fault where they hardly press on their joint.
+    much = _levels([BRISTLES], rest, open_, last) >= BRISTLES_LEVEL * torque
+    alike = [each for each in others if each.times >= BRISTLES_ALIKE * own.times and much[each.joint]]
     surely = sum(each.wald > BRISTLES_WALD for each in alike)
     many = max(BRISTLES_MOST * (last.prepared.joints - 1), SUCH_JOINTS + 1)
     if surely >= (SUCH_JOINTS if torque <= BRISTLES_OF_ALL else many):

@@ -144,3 +144,9 @@ def test_bristles_that_two_other_joints_have_too_are_no_one_joints(scara, torque
 def test_bristles_that_most_joints_have_are_no_one_joints_however_much_of_its_torque(models, others, named):
     robot = load_robot(models / "tx90.xml")
     assert _is_of_one(robot, "presliding_hysteresis", 1.2, 0.03, ("presliding_hysteresis", others)) == named
+
+
+@pytest.mark.parametrize(("of_torque", "named"), [(0.2, True), (0.4, False)])
+def test_soft_bristles_of_other_joints_that_hardly_press_on_them_take_no_name(scara, of_torque, named):
+    others = ("presliding_hysteresis", 5.0)
+    assert _is_of_one(scara, "presliding_hysteresis", 1.2, 0.01, others, of_torque) == named
