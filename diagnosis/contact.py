@@ -113,10 +113,10 @@ def explains_all_bursts(stage: Stage, pushed: Fit) -> bool:
     return bool(np.all(left[bursts] < 1 - SMALLEST_SHARE))
 
 
-def _of_each_load(stage: Stage, pushes_: Sequence[Candidate]) -> list[Gain]:
+def _of_each_load(stage: Stage, tried: Sequence[Candidate]) -> list[Gain]:
     """The likeliest profile of each kind of load on each link."""
     best: dict[tuple[Place, float], Gain] = {}
-    for gain in stage.gains(Bank(stage.ground, pushes_)):
+    for gain in stage.gains(Bank(stage.ground, tried)):
         if gain is not None:
             load = gain.candidate.place, gain.candidate.member.shape["kind"]
             if load not in best or gain.objective > best[load].objective:

@@ -4,8 +4,6 @@ A column that is linear in the delay holds near the size and at the parameters i
 makes the controller shake bends those until nothing can be told. Shifted back, torque is linear in all else.
 """
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
@@ -59,9 +57,8 @@ class _Shifted:
         products = Normal(self.hypothesis).weighted(self.weights)[0].sum(axis=0)
         self.matrix = products + np.diag(scaled_precision(self.hypothesis, fitted.prior_scales))
         self.lower, self.upper = bounds(self.hypothesis)
-
         self.xy = np.sum([self._products(run, left) for run, left in enumerate(self.base.gap)], axis=0)
-        self.moved = lru_cache(maxsize=None)(self._moved)
+        self.known: dict[tuple[int, int], tuple[Array, Array]] = {}
 
     def fit(self, delay: float) -> tuple[float, Array]:
         """Log-likelihood up to a constant, and the unknowns (p,)."""
@@ -70,7 +67,7 @@ class _Shifted:
         for run, left in enumerate(base.gap):
             whole, share = divmod(delay * base.prepared.runs[run].logged.sample_rate, 1)
             # Between two samples the torque is a line, and so is all that is linear in it.
-            parts = self.moved(run, int(whole)), self.moved(run, int(whole) + 1)
+            parts = self._moved(run, int(whole)), self._moved(run, int(whole) + 1)
             moved, products = ((1 - share) * one + share * other for one, other in zip(*parts, strict=True))
             gap.append(left + moved)
             xy = xy + products
@@ -93,10 +90,12 @@ class _Shifted:
 
         The first sample is held.
         """
-        each = self.base.prepared.runs[run]
-        torque = each.logged.tau[np.maximum(np.arange(each.logged.samples) - samples, 0)]
-        moved = each.filtered(torque - each.logged.tau, range(self.base.joints))
-        return moved, self._products(run, moved)
+        if (run, samples) not in self.known:
+            each = self.base.prepared.runs[run]
+            torque = each.logged.tau[np.maximum(np.arange(each.logged.samples) - samples, 0)]
+            moved = each.filtered(torque - each.logged.tau, range(self.base.joints))
+            self.known[run, samples] = moved, self._products(run, moved)
+        return self.known[run, samples]
 
     def _products(self, run: int, torque: Array) -> Array:
         """X'y of a run's torque (M, n), by joint (n, p)."""

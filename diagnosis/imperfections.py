@@ -157,9 +157,10 @@ def _are_bristles_of_all(
     open_: Sequence[Weighed],
     last: Stage,
 ) -> bool:
-    """Whether this effect is bristles as most joints have, or few if they are little of its joint's torque.
+    """Whether this effect is bristles that are no fault of their joint.
 
-    And least of all if others' are seen about as well.
+    Most joints have such; or two have, and they are little of its torque; or less, and seen no better than
+    another's.
     """
     torque = float(np.sqrt(item.worth))
     if item.candidate.family.effect != BRISTLES:
