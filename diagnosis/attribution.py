@@ -48,7 +48,7 @@ from .weighing import Stage
 
 Array = NDArray[np.float64]
 
-MOST_EFFECTS, MOST_TERMS = 6, 16
+MOST_EFFECTS, MOST_TERMS = 8, 16
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
 
