@@ -70,13 +70,16 @@ def contact(
     blocks = set().union(*(bursts[j] for j in pushed))
     events = [_with_bursts(stage, index, windows(run, pushed), blocks) for index, run in enumerate(logged)]
     links = range(last, min(last + LINKS, stage.prepared.joints))
-    families = [partial(pushes, logged, link, events) for link in links]
     # A link at a time: all columns of all of them together would fill a memory.
-    of_links = [_of_each_load(stage, in_parallel(stage.prepared, [family])) for family in families]
+    gains = [
+        gain
+        for link in links
+        for gain in _of_each_load(stage, in_parallel(stage.prepared, [partial(pushes, logged, link, events)]))
+    ]
     before = squares(stage.fitted.residual)
     most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
     likeliest: dict[int, tuple[Weighed, tuple[Design, Fit]]] = {}
-    for gain in _worth_a_fit([gain for own in of_links for gain in own]):
+    for gain in _worth_a_fit(gains):
         trial, link = stage.with_effects([gain.candidate]), gain.candidate.family.joint
         left = squares(trial[1].residual) / np.maximum(before, 1e-300)
         weighed = Weighed(gain, log_of_squares(stage.independent, left) - gain.candidate.count)

@@ -23,15 +23,14 @@ REACH_PERIODS = 2.5
 
 @dataclass(frozen=True)
 class DecimatingFilter:
-    """taps: (2 r + 1,), symmetric, of unit sum. step: kept samples are this far apart, the first at r."""
+    """taps: (2 m + 1,), symmetric, of unit sum. step: kept samples are so far apart, the first at ``reach``.
+
+    reach: samples needed to either side, m; of filters that keep the same samples, the largest m.
+    """
 
     taps: Array
     step: int
-
-    @property
-    def reach(self) -> int:
-        """Samples needed to either side, r."""
-        return len(self.taps) // 2
+    reach: int
 
     def kept(self, samples: int) -> NDArray[np.int64]:
         """Indices of the samples that are kept of a run of N, (M,)."""
@@ -46,7 +45,8 @@ class DecimatingFilter:
     def into(self, columns: Array, out: Array) -> None:
         """The same, written to ``out``."""
         flat = columns.reshape(len(columns), -1)
-        _convolve(flat, self.taps, self.step, out.reshape(len(out), flat.shape[1], copy=False))
+        margin = self.reach - len(self.taps) // 2
+        _convolve(flat[margin:], self.taps, self.step, out.reshape(len(out), flat.shape[1], copy=False))
 
 
 def decimating_filters(sample_rate: float, cutoffs: Array, thinning: int = 1) -> tuple[DecimatingFilter, ...]:
@@ -55,11 +55,9 @@ def decimating_filters(sample_rate: float, cutoffs: Array, thinning: int = 1) ->
     thinning: only every so-many-th of the samples that hold what was passed is kept.
     """
     step = thinning * decimation_step(sample_rate, float(np.max(cutoffs)))
-    taps = {cutoff: decimating_filter(sample_rate, cutoff).taps for cutoff in set(cutoffs.tolist())}
-    reach = max(len(each) // 2 for each in taps.values())
-    made = {
-        cutoff: DecimatingFilter(np.pad(each, reach - len(each) // 2), step) for cutoff, each in taps.items()
-    }
+    own = {cutoff: decimating_filter(sample_rate, cutoff) for cutoff in set(cutoffs.tolist())}
+    reach = max(each.reach for each in own.values())
+    made = {cutoff: DecimatingFilter(each.taps, step, reach) for cutoff, each in own.items()}
     return tuple(made[cutoff] for cutoff in cutoffs.tolist())
 
 
@@ -103,7 +101,7 @@ def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
     response = zero_phase_lowpass(impulse, sample_rate, cutoff)[:, 0]
     taps = response[3 * reach : 5 * reach + 1]
     taps = (taps + taps[::-1]) / 2
-    return DecimatingFilter(taps / taps.sum(), decimation_step(sample_rate, cutoff))
+    return DecimatingFilter(taps / taps.sum(), decimation_step(sample_rate, cutoff), reach)
 
 
 # A sum of taps may be taken in any order that vectorises; compiled once, it is the same order every time.
@@ -117,17 +115,12 @@ def decimating_filter(sample_rate: float, cutoff: float) -> DecimatingFilter:
 def _convolve(x: Array, taps: Array, step: int, out: Array) -> None:
     """out[m, c] = sum_k taps[k] x[m step + k, c], a column at a time in a buffer of its own."""
     column = np.empty(x.shape[0])
-    # Narrow filters of a run are padded to the reach of its widest.
-    margin = 0
-    while taps[margin] == 0.0 and 2 * margin + 1 < taps.size:
-        margin += 1
-    inner = taps[margin : taps.size - margin]
     for c in range(x.shape[1]):
         for t in range(x.shape[0]):
             column[t] = x[t, c]
         for m in range(out.shape[0]):
-            window = column[m * step + margin : m * step + margin + inner.size]
+            window = column[m * step : m * step + taps.size]
             total = 0.0
-            for k in range(inner.size):
-                total += inner[k] * window[k]
+            for k in range(taps.size):
+                total += taps[k] * window[k]
             out[m, c] = total

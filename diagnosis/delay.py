@@ -99,9 +99,6 @@ class _Shifted:
 
     def _products(self, run: int, torque: Array) -> Array:
         """X'y of a run's torque (M, n), by joint (n, p)."""
-        base, found = self.base, np.zeros((self.base.joints, len(self.matrix)))
-        for fold, (of_run, _) in enumerate(base.folds):
-            if of_run == run:
-                for joint, x in enumerate(self.x[fold]):
-                    found[joint, base.loading[joint]] += x.T @ torque[base.used[fold][joint], joint]
-        return found
+        own = [fold for fold, (of_run, _) in enumerate(self.base.folds) if of_run == run]
+        y = [[torque[rows, joint] for joint, rows in enumerate(self.base.used[fold])] for fold in own]
+        return self.base.products([self.x[fold] for fold in own], y).sum(axis=0)

@@ -62,17 +62,25 @@ class Ground:
             for (run, _), used in zip(self.folds, self.used, strict=True)
         ]
         self.y = self.rows(self.gap)
-        folds, p = len(self.folds), len(self.precision)
-        self.xx, self.xy = np.zeros((folds, self.joints, p, p)), np.zeros((folds, self.joints, p))
-        for fold, both in enumerate(zip(self.x, self.y, strict=True)):
-            for joint, (x, y) in enumerate(zip(*both, strict=True)):
-                own = self.loading[joint]
-                self.xx[fold, joint, own, own], self.xy[fold, joint, own] = x.T @ x, x.T @ y
+        self.xx = np.zeros((len(self.folds), self.joints, self.parameters, self.parameters))
+        for fold, of_fold in enumerate(self.x):
+            for joint, (x, own) in enumerate(zip(of_fold, self.loading, strict=True)):
+                self.xx[fold, joint, own, own] = x.T @ x
+        self.xy = self.products(self.x, self.y)
 
     @property
     def parameters(self) -> int:
         """Number of unknowns without effects, p."""
         return len(self.precision)
+
+    def products(self, x: Sequence[Sequence[Array]], y: Sequence[Sequence[Array]]) -> Array:
+        """X'y by fold and joint, (F, n, p), of rows (m, u) with what loads the joint alone, and (m,)."""
+        # All unknowns load the first joint.
+        found = np.zeros((len(x), self.joints, x[0][0].shape[1]))
+        for fold, both in enumerate(zip(x, y, strict=True)):
+            for joint, (rows, left) in enumerate(zip(*both, strict=True)):
+                found[fold, joint, self.loading[joint]] = rows.T @ left
+        return found
 
     def rows(self, runs: Sequence[Array]) -> list[list[Array]]:
         """Used rows of arrays (M, n, ...), one a run: a fold, a joint."""

@@ -112,6 +112,8 @@ def _likelier(robot: Robot, stage: Stage, best: Weighed) -> tuple[Weighed, tuple
     if not is_searched(best.candidate):
         return best, trial
     likeliest = at_likeliest_shape(robot, *trial, len(trial[0].accepted) - 1)
+    if likeliest is best.candidate:
+        return best, trial
     gain, other = stage.gain(likeliest), stage.with_effects([likeliest])
     if gain is None or log_likelihood(*other) <= log_likelihood(*trial):
         return best, trial

@@ -70,12 +70,8 @@ class Stage:
         self.parts = np.einsum("j,fjab->fab", self.weights, self.xx)
         self.precision = np.diag(scaled_precision(hypothesis, fitted.prior_scales))
         self.total = self.parts.sum(axis=0) + self.precision
-        folds_falls = np.zeros((len(self.x), len(self.precision)))
-        self.xh = np.zeros((len(self.x), n, len(self.precision)))
-        for f, j in product(folds, range(n)):
-            x, loading = self.x[f][j], ground.loading[j]
-            folds_falls[f, loading] += self.weights[j] * x.T @ self.residual[f][j]
-            self.xh[f, j, loading] = x.T @ self.held[f][j]
+        self.xh = ground.products(self.x, self.held)
+        folds_falls = np.einsum("j,fjp->fp", self.weights, ground.products(self.x, self.residual))
         # Half of how fast the objective falls with each unknown: zero but for what is at a bound.
         self.falls = folds_falls.sum(axis=0) - self.precision @ fitted.values
         # What is at a bound moves with no candidate.

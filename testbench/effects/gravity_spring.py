@@ -68,21 +68,15 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @kernel
-def _lever(angle: Any) -> Any:
-    """Lever arm of a force between anchors at radius 1 and 1/2, which are so many rad apart."""
-    return 0.5 * np.sin(angle) / np.sqrt(1.25 - np.cos(angle))
+def _lever_at(sine: Any, cosine: Any) -> Any:
+    """Lever arm of a force between anchors at radius 1 and 1/2, by sine and cosine of what is between."""
+    return 0.5 * sine / np.sqrt(1.25 - cosine)
 
 
 @kernel
-def _levers(phase: float, angle: Array) -> Array:
-    """``_lever`` (N,) of a phase less an angle, given as its cosine and sine (N, 2)."""
-    cosine, sine = np.cos(phase), np.sin(phase)
-    out = np.empty(len(angle))
-    for t in range(len(angle)):
-        across = sine * angle[t, 0] - cosine * angle[t, 1]
-        along = cosine * angle[t, 0] + sine * angle[t, 1]
-        out[t] = 0.5 * across / np.sqrt(1.25 - along)
-    return out
+def _lever(angle: Any) -> Any:
+    """The same by the angle, rad."""
+    return _lever_at(np.sin(angle), np.cos(angle))
 
 
 @hook_kernel
@@ -100,7 +94,10 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     sine = Member({}, (joint,), single_joint(columns), -free, free)
 
     def gas_spring(shape: Mapping[str, float]) -> Member:
-        levers = [-_levers(shape["phase"], own)[:, None] for own in columns]
+        s, c = np.sin(shape["phase"]), np.cos(shape["phase"])
+        # Sine and cosine of the phase less the position, none of them taken a sample.
+        turned = [(own @ np.array([[s, c], [-c, s]])).T for own in columns]
+        levers = [-_lever_at(*each)[:, None] for each in turned]
         return Member(
             dict(shape), (joint,), single_joint(levers), np.zeros(1), np.full(1, np.inf), GAS_SPRING
         )
