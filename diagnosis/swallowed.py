@@ -33,10 +33,11 @@ TRACES = ("encoder_eccentricity", "base_tilt")
 # Log-likelihood from which an imperfection is worth fitting beside, that a trace must gain, and that must be
 # left of it without any one joint but its own.
 BESIDE, SMALLEST_GAIN, SMALLEST_ELSEWHERE = 8.0, 9.0, 5.0
-# Of what bends all parameters: Wald's statistic from which it is fitted in full, the log-posterior of all
-# runs together that it must add with one coefficient or two, and the log-likelihood that it may lose by those
-# left out.
-WORTH_A_FIT, SMALLEST_EVIDENCE, AGAINST = 9.0, 7.5, -5.0
+# Of what bends all parameters: Wald's statistic from which it is fitted in full, and the log-likelihood that
+# it may lose by runs left out.
+WORTH_A_FIT, AGAINST = 9.0, -5.0
+# The log-posterior of all runs together that it must add with one coefficient, and with more.
+EVIDENCE_OF_ONE, EVIDENCE_OF_MORE = 4.5, 7.5
 
 
 def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Weighed]]:
@@ -68,10 +69,15 @@ def _by_all_runs(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
     for each in found:
         hypothesis, fitted = linearised_anew(*stage.compared(each.candidate))
         evidence = log_posterior(hypothesis, fitted) - before
-        if evidence > SMALLEST_EVIDENCE + by_chance(each.candidate):
+        if evidence > _smallest_evidence(each.candidate):
             gain = replace(each.gain, coefficients=fitted.values[hypothesis.parts[-1]])
             told.append(Weighed(gain, evidence))
     return told
+
+
+def _smallest_evidence(candidate: Candidate) -> float:
+    """Log-posterior from which it is believed: of many coefficients some suit by chance."""
+    return EVIDENCE_OF_ONE if candidate.count == 1 else EVIDENCE_OF_MORE + by_chance(candidate)
 
 
 def _with_imperfections(stage: Stage, weighed: Sequence[Weighed]) -> Stage:
