@@ -58,3 +58,23 @@ def test_a_gain_that_left_out_runs_speak_against_is_not_told(arm, monkeypatch, s
     monkeypatch.setattr("diagnosis.swallowed.weigh", lambda *_: foretold)
     _, found = swallowed(stage, gains)
     assert bool(found) == expected
+
+
+@pytest.mark.parametrize(
+    ("fault", "evidence", "expected"),
+    [
+        ("torque_gain_error:elbow:relative=0.1", 5.0, True),
+        ("torque_gain_error:elbow:relative=0.1", 4.0, False),
+        ("payload::mass=0.5", 15.0, False),
+        ("payload::mass=0.5", 16.0, True),
+    ],
+)
+def test_many_coefficients_must_add_more_than_one(arm, monkeypatch, fault, evidence, expected):
+    prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, fault)], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    weighed = weigh(stage, Bank(stage.ground, candidates(prepared, only=[fault.split(":")[0]])))[:1]
+    added = iter([0.0, evidence])
+    monkeypatch.setattr("diagnosis.swallowed.log_posterior", lambda *_: next(added))
+    monkeypatch.setattr("diagnosis.swallowed.weigh", lambda *_: weighed)
+    _, found = swallowed(stage, weighed)
+    assert bool(found) == expected
