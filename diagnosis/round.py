@@ -25,6 +25,9 @@ from .weighing import Gain, Stage
 AS_NOTHING = 1.0
 # Four standard deviations of what shows in the parameters' shift, which tells beside them.
 SWALLOWED_WALD = 16.0
+# A gain error that all runs together tell by the parameters' shift is believed from three: what is told so of
+# a healthy joint is smaller than healthy gains are.
+GAIN, GAIN_WALD = "torque_gain_error", 9.0
 # A push that explains so many times what any effect does is seen first: it would be taken for effects.
 FAR_MORE = 3.0
 # What gains this share of the most that any effect does may be it.
@@ -61,6 +64,8 @@ class Found:
         wald = self.trial[1].wald(slice(-self.best.candidate.count, None))
         if self.is_trace and not bends_parameters(family):
             return bool(wald > TRACE_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
+        if self.is_trace and family.effect == GAIN:
+            return bool(wald > GAIN_WALD)
         return bool(wald > (SWALLOWED_WALD if family.swallowed else SMALLEST_WALD))
 
 
