@@ -27,7 +27,7 @@ from .hypothesis import Design
 from .imperfections import of_one_joint
 from .likeliest_shapes import at_likeliest_shapes
 from .likelihood import Weighed, gained, weigh
-from .linearisation import RELINEARISED, TRANSMISSIONS, first_linearised, linearised_anew
+from .linearisation import RELINEARISED, first_linearised
 from .materiality import is_material
 from .naming import (
     accepted_as,
@@ -42,7 +42,7 @@ from .observability import not_observable
 from .preparation import Prepared
 from .round import Search
 from .saturation import Cut, cuts
-from .shortlist import refined_again
+from .transmission_load import linearised_until_settled
 from .unclaimed import Unclaimed, unclaimed
 from .weighing import Stage
 
@@ -77,23 +77,24 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     Where friction turns out not to jump with the speed's sign, all is begun again with what it does.
     """
     # What depends on the logs alone stays when all is begun again.
-    limits, motions = cuts(prepared), generic_candidates(prepared)
+    limits = cuts(prepared)
     prepared, known = covered(prepared), NearRest()
     while True:
         begun = first_linearised(with_friction_near_rest(prepared, known))
-        grown = _grown(begun, limits, motions, without)
+        grown = _grown(begun, limits, without)
         if isinstance(grown, Attribution):
             return grown
         known = grown
 
 
 def _grown(
-    prepared: Prepared, limits: Sequence[Sequence[Cut]], motions: Sequence[Candidate], without: Sequence[str]
+    prepared: Prepared, limits: Sequence[Sequence[Cut]], without: Sequence[str]
 ) -> Attribution | NearRest:
     """The hypothesis grown on these runs; or what more is known of friction near rest.
 
-    limits: of ``cuts``. motions: free functions of the motion.
+    limits: of ``cuts``.
     """
+    motions = generic_candidates(prepared)
     # A limit and a push of the surroundings are sought in ways of their own.
     early = [*without, SATURATION, EVENT]
     original = Stage.of(ground(prepared), [])
@@ -127,12 +128,9 @@ def _grown(
         before, taken_in = stage, found.best.candidate.family
         hypothesis, fitted = found.trial
         if taken_in.effect in RELINEARISED:
-            hypothesis, fitted = linearised_anew(hypothesis, fitted)
+            hypothesis, fitted = linearised_until_settled(sized, hypothesis, fitted)
             prepared = hypothesis.prepared
             base = ground(prepared)
-            if taken_in.effect in TRANSMISSIONS:
-                # What the link's motion makes of its load depends on the load.
-                hypothesis, fitted = refined_again(sized, base, hypothesis)
             # Old and new ones together would be too much for the memory of a small machine.
             del proposals, free, ahead, soft, weighed
             proposals = Bank(base, candidates(prepared, early))

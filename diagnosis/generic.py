@@ -18,10 +18,20 @@ from .preparation import Prepared
 Array = NDArray[np.float64]
 
 RUN_TIME = "run time"
-REGIMES = ("position", "velocity", "position and direction", "acceleration", RUN_TIME, "neighbour's motion")
+REGIMES = (
+    "position",
+    "velocity",
+    "position and direction",
+    "acceleration",
+    "torque",
+    RUN_TIME,
+    "neighbour's motion",
+)
 
 # Pieces that the range of positions and the length of the runs are divided into.
 POSITIONS, SPANS = 9, 6
+# Of the largest torque: where what turns with its sign does so.
+TURNING = (0.02, 0.1)
 
 
 def generic_candidates(prepared: Prepared) -> list[Candidate]:
@@ -54,6 +64,11 @@ def _columns(run: Logged, joint: int, regime: str, runs: Sequence[Logged]) -> Ar
         jerk = np.gradient(b) * run.sample_rate / np.pi
         friction = [np.sign(v) * f for f in (np.abs(b), b**2, np.minimum(np.abs(b), 0.2))]
         return np.column_stack([b * np.abs(b), jerk, *friction])
+    if regime == "torque":
+        # By the model: what was measured has the noise of what is looked for.
+        t = run.predicted[:, joint] / _largest(r.predicted[:, joint] for r in runs)
+        turning = [np.tanh(t / width) for width in TURNING]
+        return np.column_stack([*turning, t * np.abs(t), t**3, np.sign(v) * t**2])
     if regime == RUN_TIME:
         spans = _bumps(run.time - run.time[0], [r.time - r.time[0] for r in runs], SPANS)
         return np.column_stack([spans, spans * np.sign(v)[:, None], spans[:, 1:] * s[:, None]])

@@ -126,6 +126,7 @@ def injection_of(named: NamedEffect) -> Injection:
         values={
             parameter.name: float(np.clip(values[parameter.name], parameter.lower, parameter.upper))
             for parameter in description.parameters
+            if parameter.name in values
         },
         law=named.law,
         into=named.into,

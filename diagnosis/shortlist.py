@@ -12,13 +12,13 @@ from .bank import Bank
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
 from .evidence import Fit
-from .ground import Ground
 from .healthy import is_plausible
 from .hypothesis import DELAY, Design
 from .likeliest_shapes import at_likeliest_shape, is_searched
-from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price
-from .linearisation import bends_parameters, linearised_anew
-from .shape_search import search
+from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price, weigh
+from .linearisation import TRANSMISSIONS, bends_parameters, linearised_anew
+from .materiality import OF_ENCODER
+from .shape_search import search, searched_for
 from .weighing import Stage
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def choose(
     """
     likeliest = material[:SHORTLIST]
     best_of_each = {w.candidate.place: w for w in [*likeliest, *(_best_fit(w, open_) for w in likeliest)]}
-    shortlist = [_refined(robot, stage, weighed) for weighed in best_of_each.values()]
+    shortlist = [_by_its_law(robot, stage, weighed) for weighed in best_of_each.values()]
     listed = [weighed.candidate for weighed in shortlist]
     compared = [stage.compared(each) for each in listed]
     # Of many shapes one is the likelier to fit by chance.
@@ -54,10 +54,10 @@ def choose(
         log_likelihood(*trial) - float(np.log(each.shapes))
         for each, trial in zip(listed, compared, strict=True)
     ]
-    likelihoods = _of_joints(listed, compared, foretold)
+    likelihoods = _by_all_runs(listed, compared, foretold)
     first, before = int(np.argmax(likelihoods)), log_likelihood(stage.hypothesis, stage.fitted)
     if len(shortlist[first].candidate.family.refine) > 1:
-        shortlist[first] = _refined(robot, stage, shortlist[first], MORE_TRIED)
+        shortlist[first] = refined(robot, stage, shortlist[first], MORE_TRIED)
     # A delay and the timing of the log make a column of each other that only one of them at a time has. The
     # price is for rivals; here nothing is to make the fit far worse.
     if likelihoods[first] + price(stage.hypothesis, shortlist[first].candidate) <= before:
@@ -77,27 +77,34 @@ def choose(
     return best, tuple(sorted(rivals, key=lambda r: -r[1])), trial
 
 
-def _of_joints(
+def _by_all_runs(
     listed: Sequence[Candidate], compared: Sequence[tuple[Design, Fit]], likelihoods: Sequence[float]
 ) -> list[float]:
-    """The log-likelihoods with one effect's joints held against each other by what all runs together say.
+    """The log-likelihoods with what bends all parameters held against its like by what all runs together say.
 
-    What bends all parameters bends its own columns, and those of the wrong joint otherwise: each is fitted
-    with the runs linearised anew, and its own weights. Bent parameters foretell left-out runs by chance.
-    compared: the hypothesis with each of those listed.
+    Its like is the same effect of another joint, and the other error of the joint's encoder. Each bends its
+    own columns, and those of the wrong one otherwise: each is fitted with the runs linearised anew, and its
+    own weights. Bent parameters foretell left-out runs by chance. compared: the hypothesis with each of
+    those listed.
     """
     found = list(likelihoods)
     first = int(np.argmax(found))
-    if not bends_parameters(listed[first].family):
-        return found
-    near = [
-        index
-        for index, each in enumerate(listed)
-        if each.family.effect == listed[first].family.effect and found[index] > found[first] - AS_LIKELY
-    ]
+    family = listed[first].family
+
+    def is_alike(index: int) -> bool:
+        other = listed[index].family
+        if other.joint == family.joint and {other.effect, family.effect} <= set(OF_ENCODER):
+            return True
+        near = found[index] > found[first] - AS_LIKELY
+        return near and other.effect == family.effect and bends_parameters(family)
+
+    near = [index for index in range(len(listed)) if is_alike(index)]
     if len(near) < 2:
         return found
-    exact = [log_posterior(*linearised_anew(*compared[index])) for index in near]
+    exact = []
+    for index in near:
+        hypothesis, fitted = linearised_anew(*compared[index])
+        exact.append(log_posterior(hypothesis, fitted) - price(hypothesis, listed[index]))
     for index, own in zip(near, exact, strict=True):
         found[index] = likelihoods[first] + own - max(exact)
     return found
@@ -120,25 +127,36 @@ def _likelier(robot: Robot, stage: Stage, best: Weighed) -> tuple[Weighed, tuple
     return Weighed(gain, gained(stage, gain)), other
 
 
-def refined_again(robot: Robot, base: Ground, hypothesis: Design) -> tuple[Design, Fit]:
-    """The hypothesis with the shape of its last effect sought anew, as it is on other ground; and its fit."""
-    *before, last = hypothesis.accepted
-    stage = Stage.of(base, before)
-    gain = stage.gain(last)
-    # A link that never leaves the end of a gap there shows none.
-    if gain is not None:
-        last = _refined(robot, stage, Weighed(gain, gained(stage, gain))).candidate
-    return stage.with_effects([last])
-
-
 def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> Weighed:
     """The effect of the same joint that fits better than any other, though it may predict less."""
     own = [w for w in open_ if w.candidate.family.joint == likely.candidate.family.joint and w.score > 0]
     return max(own, key=lambda w: w.gain.objective, default=likely)
 
 
-def _refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -> Weighed:
-    """The family's best member at any shape near this one, if it is one that is met. tried: so many."""
+def _by_its_law(robot: Robot, stage: Stage, weighed: Weighed) -> Weighed:
+    """The family's member refined; of plays and springs, by the law that is likeliest at its best shape.
+
+    Far from it, a spring of another law may seem the likelier.
+    """
+    family, found = weighed.candidate.family, [refined(robot, stage, weighed)]
+    if family.effect not in TRANSMISSIONS:
+        return found[0]
+    for law in dict.fromkeys(each.law for each in family.members):
+        if law == weighed.candidate.member.law:
+            continue
+        others = [candidate(stage.prepared, family, each) for each in family.members if each.law == law]
+        best = weigh(stage, Bank(stage.ground, others))
+        found += [refined(robot, stage, each, MORE_TRIED) for each in best]
+    if len(found) == 1:
+        return found[0]
+    return max(found, key=lambda each: log_likelihood(*stage.compared(each.candidate)))
+
+
+def refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -> Weighed:
+    """The family's best member at any shape near this one, if it is one that is met.
+
+    robot: that sizes are relative to. tried: so many shapes.
+    """
     prepared, family = stage.prepared, weighed.candidate.family
     if family.member is None or not weighed.candidate.member.shape:
         return weighed
@@ -159,5 +177,5 @@ def _refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -
             best = Weighed(gain, score)
         return -score
 
-    search(weighed.candidate, np.full(len(family.refine), STEP), tried, negative)
+    search(weighed.candidate, np.full(len(searched_for(weighed.candidate)), STEP), tried, negative)
     return best

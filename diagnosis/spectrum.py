@@ -30,6 +30,8 @@ BINS, HIGHEST = 2048, 150.0
 FEWEST_PERIODS, FINER = 2.0, 4
 # Chance is the largest line of so many residuals whose blocks have been given signs at random.
 BY_CHANCE = 20
+# What is slow lies below the last of these edges that leaves noise a fourth beyond it.
+MOST_OF_WHITE = 0.75
 SMALLEST = 1e-300
 
 
@@ -63,13 +65,15 @@ def band_shares(
 def slow_share(
     runs: Sequence[Run], joint: int, residual: Sequence[Array], used: Sequence[Mask]
 ) -> tuple[float, float]:
-    """The share of a joint's squared residual in all bands but the highest, and white noise's.
+    """The share of a joint's squared residual in its lower bands, and white noise's.
 
+    Those are all but the highest, or fewer where the joint's own low-pass leaves noise little beyond them.
     residual, used: a run, (M,), some of it used.
     """
     squares = _squares(runs, residual, used).sum(axis=0)
-    fast = float(squares[-1] / max(float(squares.sum()), SMALLEST))
-    return 1 - fast, 1 - float(_white(runs, joint, used)[-1])
+    white = np.cumsum(_white(runs, joint, used))
+    bands = max(int(np.sum(white <= MOST_OF_WHITE)), 1)
+    return float(squares[:bands].sum() / max(float(squares.sum()), SMALLEST)), float(white[bands - 1])
 
 
 def band_names() -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """How every effect shows in the simulated robot, and which signatures explain it: measured, not listed."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -130,7 +130,7 @@ def _sighting(robot: Robot, injected: Injection, joint: int, run: Logged) -> Sig
 def _explained(family: Family, run: Logged, weights: Array, basis: Array, left: Array) -> float:
     """Largest share of ``left`` that one member, its coefficients in bounds, explains beside the parameters.
 
-    A family on continuous shapes is searched along the first between the neighbours of the grid's best too.
+    A family on continuous shapes is searched along the first between the neighbours of each law's best too.
     """
 
     def share(member: Member) -> float:
@@ -147,14 +147,21 @@ def _explained(family: Family, run: Logged, weights: Array, basis: Array, left: 
         found = lsq_linear(flat[:, seen] / norms[seen], left, bounds, method="bvls").cost
         return 1 - 2 * float(found) / float(np.sum(left**2))
 
-    shares = [share(member) for member in family.members]
-    best = max(shares, default=0.0)
+    laws = dict.fromkeys(member.law for member in family.members)
+    of_each = ([member for member in family.members if member.law == law] for law in laws)
+    return max((_of_law(family, members, share) for members in of_each), default=0.0)
+
+
+def _of_law(family: Family, members: Sequence[Member], share: Callable[[Member], float]) -> float:
+    """The largest share of a law's members, searched as of ``_explained``."""
+    shares = [share(member) for member in members]
+    best = max(shares)
     if family.member is None or not family.refine or best < WORTH_REFINING:
         return best
-    name, shape = next(iter(family.refine)), family.members[shares.index(best)].shape
+    name, shape = next(iter(family.refine)), members[shares.index(best)].shape
     if name not in shape:
         return best
-    grid = sorted({member.shape[name] for member in family.members if name in member.shape})
+    grid = sorted({member.shape[name] for member in members})
     near = grid.index(shape[name])
     around = grid[max(near - 1, 0)], grid[min(near + 1, len(grid) - 1)]
     make = family.member

@@ -1,8 +1,5 @@
 """What is fitted in full beside a hypothesis: the likeliest, what fits best, all imperfections."""
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
 
 from diagnosis import shortlist
@@ -10,10 +7,9 @@ from diagnosis.bank import Bank
 from diagnosis.candidates import candidates
 from diagnosis.evidence import fitted_to
 from diagnosis.ground import ground
-from diagnosis.hypothesis import design
-from diagnosis.likelihood import weigh
+from diagnosis.likelihood import log_likelihood, weigh
 from diagnosis.preparation import prepare
-from diagnosis.shortlist import choose, refined_again
+from diagnosis.shortlist import choose
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
@@ -56,15 +52,6 @@ def test_what_left_out_runs_leave_at_the_wrong_shape_is_moved_by_all_runs_togeth
     assert chosen[0].candidate.member.shape == wanted
 
 
-def test_what_shows_nothing_on_other_ground_stays_as_it_was(arm):
-    prepared = prepare(arm, simulated_runs(arm, []))
-    play = candidates(prepared, only=["backlash"])[0]
-    unmoved = replace(play, filtered=tuple(np.zeros_like(run) for run in play.filtered))
-    hypothesis, fitted = refined_again(arm, ground(prepared), design(prepared, [unmoved]))
-    assert hypothesis.accepted == (unmoved,)
-    assert fitted.values[-1] == 0.0
-
-
 @pytest.mark.parametrize(("joint", "relative"), [("shoulder", 0.05), ("elbow", 0.05), ("elbow", -0.1)])
 def test_whose_gain_is_off_is_told_by_all_runs_together(arm, joint, relative):
     """At one of two joints it makes up for the other's: left-out runs may take the wrong one for likelier."""
@@ -77,3 +64,36 @@ def test_whose_gain_is_off_is_told_by_all_runs_together(arm, joint, relative):
     best, ((rival, _),), _ = chosen
     assert arm.joint_names[best.candidate.family.joint] == joint
     assert rival.candidate.family.joint == 1 - best.candidate.family.joint
+
+
+def test_which_error_an_encoder_has_is_told_by_all_runs_together(arm, monkeypatch):
+    """Where a joint turns little, an eccentric encoder has most of an offset in it, and one unknown more."""
+    prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, "encoder_offset:elbow:offset=0.03")]))
+    stage = Stage.of(ground(prepared), [])
+    errors = candidates(prepared, only=["encoder_offset", "encoder_eccentricity"])
+    weighed = weigh(stage, Bank(stage.ground, [each for each in errors if each.family.joint == 1]))
+
+    def by_chance(hypothesis, fitted):
+        eccentric = "encoder_eccentricity" in [each.family.effect for each in hypothesis.accepted]
+        return log_likelihood(hypothesis, fitted) + 60.0 * eccentric
+
+    monkeypatch.setattr(shortlist, "log_likelihood", by_chance)
+    chosen = choose(arm, stage, weighed, weighed)
+    assert chosen is not None
+    assert chosen[0].candidate.family.effect == "encoder_offset"
+
+
+@pytest.mark.parametrize("doubling", [0.004, 0.02, None])
+def test_a_spring_that_hardens_is_found_by_its_own_law(arm, doubling):
+    law = "law=two_mass" if doubling is None else f"law=hardening,doubling_windup={doubling}"
+    spring = parse_injection(arm, f"joint_elasticity:elbow:stiffness=100,damping=0.2,{law}")
+    prepared = prepare(arm, simulated_runs(arm, [spring], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    weighed = weigh(stage, Bank(stage.ground, candidates(prepared, only=["joint_elasticity"])))
+    chosen = choose(arm, stage, weighed, weighed)
+    assert chosen is not None
+    found = chosen[0].candidate
+    assert (found.family.joint, found.member.law) == (1, None if doubling is None else "hardening")
+    assert found.member.shape["stiffness"] == pytest.approx(100, rel=0.1)
+    if doubling is not None:
+        assert found.member.shape["doubling_windup"] == pytest.approx(doubling, rel=0.1)

@@ -91,6 +91,18 @@ def test_a_run_that_parameters_are_extrapolated_to_is_not_unknown(tmp_path, nois
     assert found == ()
 
 
+@pytest.mark.parametrize(("loss", "expected"), [(0.0, False), (0.2, True)])
+def test_what_follows_the_torque_that_a_drive_gives_is_unknown(tmp_path, loss, expected):
+    """An iron core that saturates gives the less for its current the more it is to give."""
+    arm = small_arm(tmp_path)
+    runs = {}
+    for name, run in simulated_runs(arm, [], runs=3).items():
+        asked = run.torque / arm.limits.torque
+        runs[name] = replace(measured_only(run), torque=run.torque * (1 + loss * (asked / 0.3) ** 2))
+    found, _ = _unclaimed(arm, runs)
+    assert ("torque" in [each.regime for each in found]) == expected
+
+
 @pytest.mark.parametrize("levels", [24, 60])
 def test_the_rounding_of_a_coarse_log_is_not_unknown(tmp_path, levels):
     arm = small_arm(tmp_path)

@@ -27,7 +27,7 @@ from .action import (
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .link_motion import elastic_change, link_row, typical_inertia
 from .mjcf_form import joint_element
-from .signature import Family, Logged, Member, Quantity, grid_family
+from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 
@@ -35,21 +35,21 @@ DESCRIPTION = EffectDescription(
     name="joint_elasticity",
     title="Joint elasticity",
     law="transmitted torque = stiffness·w + damping·dw/dt, w = q_motor - q_link (two_mass); hardening: the "
-    "stiffness doubles at a windup of 4 mrad; quasi_static: the encoder reads the windup under gravity and "
-    "Coriolis torque, the masses stay together",
+    "stiffness doubles at a windup of doubling_windup; quasi_static: the encoder reads the windup under "
+    "gravity and Coriolis torque, the masses stay together",
     reference='Spong, "Modeling and control of elastic joint robots", J. Dyn. Sys. 109(4), 1987; Tuttle & '
     'Seering, "A nonlinear model of a harmonic drive gear transmission", IEEE T-RA 12(3), 1996',
     scope=Scope.JOINT,
     parameters=(
         EffectParameter("stiffness", "N·m/rad", 1e-3, np.inf, (9000.0, 1500.0), "inertia"),
         EffectParameter("damping", "N·m·s/rad", 0.0, np.inf, (6.0, 6.0), "inertia"),
+        EffectParameter("doubling_windup", "rad", 1e-6, np.inf, (4e-3, 4e-3)),
     ),
     laws=("two_mass", "hardening", "quasi_static"),
     confused_with=("torque_delay", "actuator_lag", "backlash"),
 )
 
-# Windup at which a hardening spring is twice as stiff, rad.
-HARDENING_WINDUP = 4e-3
+TWO_MASS, HARDENING, QUASI_STATIC = DESCRIPTION.laws
 # Share of the rotor's inertia that is put between the spring and the play of one joint in MJCF.
 BETWEEN = 0.01
 # Hz, of the joint's whole inertia on the spring: steps of a third, which a refinement closes. The link alone
@@ -57,6 +57,11 @@ BETWEEN = 0.01
 FREQUENCIES, LOWEST, HIGHEST = (4.5, 6.0, 8.0, 10.7, 14.2, 19.0), 3.0, 28.0
 # With that inertia: what is looked for first, and what it may be.
 DAMPING_RATIOS, LEAST_RATIO, LARGEST_RATIO = (0.03, 0.1), 0.005, 0.4
+# Hz without a windup, of hardening springs; the windups at which they are twice as stiff, of what the load
+# alone would make, and rad.
+HARDENING_FREQUENCIES, OF_THE_LOAD, DOUBLING = (4.5, 8.0, 14.2), (0.4, 1.0), (1e-4, 3e-2)
+# The largest coefficient of one: far from 1 it is none.
+MOST_HARDENING = 2.0
 # A spring of which less shows is as good as rigid.
 LEAST_SHARE = 1e-9
 PER_JOINT_NUMERICS = ("velocity_limit", "acceleration_limit")
@@ -68,10 +73,14 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     values = [injection.values[name] for name in ("stiffness", "damping")]
     if np.isinf(values[0]):
         return Action()
-    if injection.law == "quasi_static":
+    if injection.law == QUASI_STATIC:
         return Action((hook(Stage.ENCODER, _static_windup, joint, values),))
-    hardening = 1 / HARDENING_WINDUP**2 if injection.law == "hardening" else 0.0
-    return Action((hook(Stage.TRANSMISSION, _spring, joint, [*values, hardening]),), split=joint)
+    return Action((hook(Stage.TRANSMISSION, _spring, joint, [*values, _hardening(injection)]),), split=joint)
+
+
+def _hardening(injection: Injection) -> float:
+    """How much a spring stiffens, as a share of its stiffness, a rad² of windup."""
+    return injection.values["doubling_windup"] ** -2 if injection.law == HARDENING else 0.0
 
 
 @hook_kernel
@@ -103,28 +112,55 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         return 2 * shape["damping_ratio"] * float(np.sqrt(shape["stiffness"] * inertia))
 
     def member(shape: Mapping[str, float]) -> Member:
-        columns = tuple(
-            elastic_change(link, shape["stiffness"], damping(shape))[:, :, None] for link in links
-        )
+        spring = shape["stiffness"], damping(shape), shape.get("doubling_windup", np.inf)
+        columns = tuple(elastic_change(link, *spring)[:, :, None] for link in links)
+        if "doubling_windup" in shape:
+            return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, MOST_HARDENING), HARDENING)
         return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, np.inf))
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
         shape = member.shape
         relative = float(np.sqrt(max(covariance[2, 2], 0.0))) / shape["damping_ratio"]
-        return {
+        found = {
             "stiffness": _stiffness(shape["stiffness"], float(c[0]), covariance),
             "damping": Quantity(damping(shape), damping(shape) * relative, "N·m·s/rad"),
         }
+        if member.law == HARDENING:
+            std = float(np.sqrt(max(covariance[3, 3], 0.0)))
+            found["doubling_windup"] = Quantity(shape["doubling_windup"], std, "rad")
+        return found
 
     def stiffness(frequency: float) -> float:
         return (2 * np.pi * frequency) ** 2 * inertia
 
-    grid = {"stiffness": [stiffness(each) for each in FREQUENCIES], "damping_ratio": DAMPING_RATIOS}
-    wider = {
-        "stiffness": (stiffness(LOWEST), stiffness(HIGHEST)),
-        "damping_ratio": (LEAST_RATIO, LARGEST_RATIO),
-    }
-    return grid_family(DESCRIPTION.name, joint, member, grid, parameters, wider=wider)
+    load = float(np.sqrt(np.mean(np.concatenate([link.load for link in links]) ** 2)))
+    linear = [
+        {"stiffness": stiffness(each), "damping_ratio": ratio}
+        for each in FREQUENCIES
+        for ratio in DAMPING_RATIOS
+    ]
+    # Hardening that the load makes felt, wherever that is.
+    hardening = [
+        {
+            "stiffness": stiffness(each),
+            "damping_ratio": DAMPING_RATIOS[0],
+            "doubling_windup": float(np.clip(share * load / stiffness(each), *DOUBLING)),
+        }
+        for each in HARDENING_FREQUENCIES
+        for share in OF_THE_LOAD
+    ]
+    return Family(
+        effect=DESCRIPTION.name,
+        joint=joint,
+        members=tuple(member(shape) for shape in [*linear, *hardening]),
+        parameters=parameters,
+        refine={
+            "stiffness": (stiffness(LOWEST), stiffness(HIGHEST)),
+            "damping_ratio": (LEAST_RATIO, LARGEST_RATIO),
+            "doubling_windup": DOUBLING,
+        },
+        member=member,
+    )
 
 
 def _stiffness(shape: float, coefficient: float, covariance: Array) -> Quantity:
@@ -148,14 +184,13 @@ def _stiffness(shape: float, coefficient: float, covariance: Array) -> Quantity:
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     """A second joint about the same axis, a spring; the first keeps rotor, friction and motor."""
     joint = require_joint(DESCRIPTION.name, injection.joint, robot.joints)
-    if injection.law == "quasi_static":
+    if injection.law == QUASI_STATIC:
         return ("MuJoCo's joint sensors cannot read a windup that moves no mass",)
     stiffness = injection.values["stiffness"]
     if np.isinf(stiffness):
         return ()
     link = add_link_joint(spec, robot, joint, "elasticity")
-    hardening = stiffness / HARDENING_WINDUP**2 if injection.law == "hardening" else 0.0
-    link.stiffness = [stiffness, 0.0, hardening]
+    link.stiffness = [stiffness, 0.0, stiffness * _hardening(injection)]
     link.damping = [injection.values["damping"], 0.0, 0.0]
     return ()
 

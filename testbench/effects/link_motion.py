@@ -30,6 +30,8 @@ CONTACT_DAMPING_RATIO = 0.7
 # Hz, at least, of the steps through the gap: a contact lasts a few milliseconds.
 GAP_RATE = 4000.0
 POSES, UNLIMITED_RANGE = 64, np.pi
+# Newton's steps within one of time, from where it would go without a load.
+NEWTON = 4
 
 
 def typical_inertia(run: Logged, joint: int) -> float:
@@ -74,14 +76,15 @@ def link_row(run: Logged, joint: int) -> LinkRow:
     return LinkRow(run, joint, *own)
 
 
-def elastic_change(row: LinkRow, stiffness: float, damping: float) -> Array:
+def elastic_change(row: LinkRow, stiffness: float, damping: float, doubling: float = np.inf) -> Array:
     """Change of the torque where the transmission is a spring with a damper, (N, n) N·m.
 
-    stiffness: N·m/rad. damping: N·m·s/rad.
+    stiffness: N·m/rad, without a windup. damping: N·m·s/rad. doubling: rad, the windup at which a hardening
+    spring carries twice what it would by that stiffness.
     """
     windup = np.empty((row.run.samples, 3))
     motion = row.load, row.by_position, row.by_velocity, row.inertia
-    _elastic(*motion, stiffness, damping, 1 / row.run.sample_rate, windup)
+    _elastic(*motion, stiffness, damping, stiffness / doubling**2, 1 / row.run.sample_rate, windup)
     return row.run.load_change(row.joint, -windup)
 
 
@@ -117,21 +120,34 @@ def _elastic(
     inertia: Array,
     stiffness: float,
     damping: float,
+    cubic: float,
     timestep: float,
     out: Array,
 ) -> None:
     """Windup and its two derivatives, (N, 3), from rest under the first load.
 
-    Newmark's method of average acceleration: stable for any stiffness, without damping of its own.
+    Newmark's method of average acceleration: stable for any stiffness, without damping of its own; each step
+    by Newton's, which a linear spring needs once. cubic: N·m/rad³.
     """
-    out[0, 0] = load[0] / (stiffness + by_position[0])
+    solved = NEWTON if cubic > 0.0 else 1
+    windup = 0.0
+    for _ in range(2 * solved):
+        carried = windup * (stiffness + by_position[0] + cubic * windup * windup)
+        windup += (load[0] - carried) / (stiffness + by_position[0] + 3.0 * cubic * windup * windup)
+    out[0, 0] = windup
     out[0, 1] = out[0, 2] = 0.0
     for t in range(1, load.size):
         k, d = stiffness + by_position[t], damping + by_velocity[t]
         place = out[t - 1, 0] + timestep * (out[t - 1, 1] + 0.25 * timestep * out[t - 1, 2])
         rate = out[t - 1, 1] + 0.5 * timestep * out[t - 1, 2]
-        effective = inertia[t] + 0.5 * timestep * (d + 0.5 * timestep * k)
-        acceleration = (load[t] - k * place - d * rate) / effective
+        acceleration = 0.0
+        for _ in range(solved):
+            w = place + 0.25 * timestep * timestep * acceleration
+            v = rate + 0.5 * timestep * acceleration
+            stiffer = cubic * w * w
+            effective = inertia[t] + 0.5 * timestep * (d + 0.5 * timestep * (k + 3.0 * stiffer))
+            left = load[t] - (k + stiffer) * w - d * v - inertia[t] * acceleration
+            acceleration += left / effective
         out[t, 0] = place + 0.25 * timestep * timestep * acceleration
         out[t, 1] = rate + 0.5 * timestep * acceleration
         out[t, 2] = acceleration

@@ -1,0 +1,54 @@
+"""Plays and soft gearboxes at the load that they carry: linearised anew until neither moves the other.
+
+What the motor's motion makes of the link's is known by what the link loads the gearbox with, and that by
+parameters that are fitted beside it: near a resonance a little of the one is much of the other.
+"""
+
+from testbench.robot import Robot
+
+from .evidence import Fit, fitted_to
+from .ground import ground
+from .hypothesis import Design
+from .likelihood import Weighed, gained, log_posterior
+from .linearisation import TRANSMISSIONS, linearised_anew
+from .shortlist import MORE_TRIED, refined
+from .weighing import Stage
+
+# Linearised anew as long as all runs together gain this log-posterior by it, and so many times at most.
+WORTH_ANOTHER, MOST_PASSES = 10.0, 5
+
+
+def linearised_until_settled(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
+    """The hypothesis with the runs linearised anew, its plays and soft gearboxes as they are there; its fit.
+
+    robot: that sizes are relative to.
+    """
+    found = _again(robot, hypothesis, fitted)
+    if any(each.family.effect in TRANSMISSIONS for each in hypothesis.accepted):
+        for _ in range(MOST_PASSES - 1):
+            other = _again(robot, *found)
+            if log_posterior(*other) < log_posterior(*found) + WORTH_ANOTHER:
+                break
+            found = other
+    return found
+
+
+def _again(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
+    return refined_again(robot, *linearised_anew(hypothesis, fitted))
+
+
+def refined_again(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
+    """The hypothesis with the shapes of its plays and soft gearboxes sought anew; and its fit."""
+    prepared, base = hypothesis.prepared, ground(hypothesis.prepared)
+    for place, each in enumerate(hypothesis.accepted):
+        if each.family.effect not in TRANSMISSIONS:
+            continue
+        others = [*hypothesis.accepted[:place], *hypothesis.accepted[place + 1 :]]
+        stage = Stage.of(base, others)
+        gain = stage.gain(each)
+        # A link that never leaves the end of a gap there shows none.
+        if gain is not None:
+            best = refined(robot, stage, Weighed(gain, gained(stage, gain)), MORE_TRIED).candidate
+            accepted = [*hypothesis.accepted[:place], best, *hypothesis.accepted[place + 1 :]]
+            hypothesis, fitted = fitted_to(prepared, accepted)
+    return hypothesis, fitted
