@@ -12,6 +12,9 @@ from .candidates import Candidate
 
 Array = NDArray[np.float64]
 
+# Where the search ends: shapes this close, as a share of their ranges, that are as good but for so much.
+CLOSE, AS_GOOD = 1e-3, 0.05
+
 
 def search(each: Candidate, steps: Array, tried: int, negative: Callable[[Member], float]) -> None:
     """Nelder and Mead's simplex through an effect's shapes, from where they are.
@@ -30,7 +33,8 @@ def search(each: Candidate, steps: Array, tried: int, negative: Callable[[Member
     start = share_of(np.array([shape[name] for name in names]), lower, upper)
     # Inward from the end of a range.
     simplex = np.vstack([start, start + np.diag(np.where(start + steps > 1, -steps, steps))])
-    minimize(at, start, method="Nelder-Mead", options={"maxfev": tried, "initial_simplex": simplex})
+    close = {"xatol": CLOSE, "fatol": AS_GOOD}
+    minimize(at, start, method="Nelder-Mead", options={"maxfev": tried, "initial_simplex": simplex, **close})
 
 
 def searched_for(each: Candidate) -> list[str]:

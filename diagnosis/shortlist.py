@@ -28,6 +28,8 @@ SHORTLIST = 4
 RIVAL_LEFT = 0.5
 # Log-likelihood by which a joint may seem less likely than another for what bends all parameters.
 AS_LIKELY = 25.0
+# Another law of a play or a spring is tried where one explains this share of the most: it may do as much.
+WORTH_A_LAW = 0.8
 # First step of a refinement, as a share of the shape's range, and how many shapes are tried; where several go
 # together, more of what is taken in.
 STEP, TRIED, MORE_TRIED = 0.12, 14, 50
@@ -46,7 +48,9 @@ def choose(
     """
     likeliest = material[:SHORTLIST]
     best_of_each = {w.candidate.place: w for w in [*likeliest, *(_best_fit(w, open_) for w in likeliest)]}
-    shortlist = [_by_its_law(robot, stage, weighed) for weighed in best_of_each.values()]
+    shortlist = [refined(robot, stage, weighed) for weighed in best_of_each.values()]
+    worth = WORTH_A_LAW * max(weighed.score for weighed in shortlist)
+    shortlist = [each if each.score < worth else _by_its_law(robot, stage, each) for each in shortlist]
     listed = [weighed.candidate for weighed in shortlist]
     compared = [stage.compared(each) for each in listed]
     # Of many shapes one is the likelier to fit by chance.
@@ -133,23 +137,23 @@ def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> Weighed:
     return max(own, key=lambda w: w.gain.objective, default=likely)
 
 
-def _by_its_law(robot: Robot, stage: Stage, weighed: Weighed) -> Weighed:
-    """The family's member refined; of plays and springs, by the law that is likeliest at its best shape.
+def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
+    """What was refined; of plays and springs, by the law that is likeliest at its best shape.
 
     Far from it, a spring of another law may seem the likelier.
     """
-    family, found = weighed.candidate.family, [refined(robot, stage, weighed)]
+    family = found.candidate.family
     if family.effect not in TRANSMISSIONS:
-        return found[0]
+        return found
+    tried = [found]
     for law in dict.fromkeys(each.law for each in family.members):
-        if law == weighed.candidate.member.law:
-            continue
-        others = [candidate(stage.prepared, family, each) for each in family.members if each.law == law]
-        best = weigh(stage, Bank(stage.ground, others))
-        found += [refined(robot, stage, each, MORE_TRIED) for each in best]
-    if len(found) == 1:
-        return found[0]
-    return max(found, key=lambda each: log_likelihood(*stage.compared(each.candidate)))
+        if law != found.candidate.member.law:
+            others = [candidate(stage.prepared, family, each) for each in family.members if each.law == law]
+            best = weigh(stage, Bank(stage.ground, others))
+            tried += [refined(robot, stage, each, MORE_TRIED) for each in best]
+    if len(tried) == 1:
+        return found
+    return max(tried, key=lambda each: log_likelihood(*stage.compared(each.candidate)))
 
 
 def refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -> Weighed:

@@ -4,6 +4,8 @@ What the motor's motion makes of the link's is known by what the link loads the 
 parameters that are fitted beside it: near a resonance a little of the one is much of the other.
 """
 
+import numpy as np
+
 from testbench.robot import Robot
 
 from .evidence import Fit, fitted_to
@@ -14,8 +16,9 @@ from .linearisation import TRANSMISSIONS, linearised_anew
 from .shortlist import MORE_TRIED, refined
 from .weighing import Stage
 
-# Linearised anew as long as all runs together gain this log-posterior by it, and so many times at most.
-WORTH_ANOTHER, MOST_PASSES = 10.0, 5
+# What the log-posterior of all runs together moves by where the runs are linearised anew, once they have
+# settled; and how often they are, at most.
+SETTLED, MOST_PASSES = 5.0, 5
 
 
 def linearised_until_settled(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
@@ -23,18 +26,20 @@ def linearised_until_settled(robot: Robot, hypothesis: Design, fitted: Fit) -> t
 
     robot: that sizes are relative to.
     """
-    found = _again(robot, hypothesis, fitted)
-    if any(each.family.effect in TRANSMISSIONS for each in hypothesis.accepted):
-        for _ in range(MOST_PASSES - 1):
-            other = _again(robot, *found)
-            if log_posterior(*other) < log_posterior(*found) + WORTH_ANOTHER:
-                break
-            found = other
-    return found
-
-
-def _again(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
-    return refined_again(robot, *linearised_anew(hypothesis, fitted))
+    found, before = linearised_anew(hypothesis, fitted), log_posterior(hypothesis, fitted)
+    if not any(each.family.effect in TRANSMISSIONS for each in hypothesis.accepted):
+        return found
+    best, most = found, -np.inf
+    for _ in range(MOST_PASSES):
+        if abs(log_posterior(*found) - before) < SETTLED:
+            return found if most == -np.inf else best
+        found = refined_again(robot, *found)
+        before = log_posterior(*found)
+        if before < most + SETTLED:
+            break
+        best, most = found, before
+        found = linearised_anew(*found)
+    return best
 
 
 def refined_again(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
