@@ -33,8 +33,12 @@ def search(each: Candidate, steps: Array, tried: int, negative: Callable[[Member
     start = share_of(np.array([shape[name] for name in names]), lower, upper)
     # Inward from the end of a range.
     simplex = np.vstack([start, start + np.diag(np.where(start + steps > 1, -steps, steps))])
-    close = {"xatol": CLOSE, "fatol": AS_GOOD}
-    minimize(at, start, method="Nelder-Mead", options={"maxfev": tried, "initial_simplex": simplex, **close})
+    minimize(
+        at,
+        start,
+        method="Nelder-Mead",
+        options={"maxfev": tried, "initial_simplex": simplex, "xatol": CLOSE, "fatol": AS_GOOD},
+    )
 
 
 def searched_for(each: Candidate) -> list[str]:

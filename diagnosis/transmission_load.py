@@ -26,19 +26,18 @@ def linearised_until_settled(robot: Robot, hypothesis: Design, fitted: Fit) -> t
 
     robot: that sizes are relative to.
     """
-    found, before = linearised_anew(hypothesis, fitted), log_posterior(hypothesis, fitted)
+    best = linearised = linearised_anew(hypothesis, fitted)
     if not any(each.family.effect in TRANSMISSIONS for each in hypothesis.accepted):
-        return found
-    best, most = found, -np.inf
+        return best
+    before, most = log_posterior(hypothesis, fitted), -np.inf
     for _ in range(MOST_PASSES):
-        if abs(log_posterior(*found) - before) < SETTLED:
-            return found if most == -np.inf else best
-        found = refined_again(robot, *found)
-        before = log_posterior(*found)
+        if abs(log_posterior(*linearised) - before) < SETTLED:
+            break
+        there = refined_again(robot, *linearised)
+        before = log_posterior(*there)
         if before < most + SETTLED:
             break
-        best, most = found, before
-        found = linearised_anew(*found)
+        best, most, linearised = there, before, linearised_anew(*there)
     return best
 
 
