@@ -20,8 +20,9 @@ SLOWEST_RIPPLE = 10.0
 # A spring that explains this share of a joint's squared residual is one, though not quite by its law.
 ONE_LAW = 0.995
 # So many laws at one joint more than at others are one that no catalogue holds, and so many couplings no
-# robot's drives, unless one of them explains this share of the squared residual: the others are its rests.
-MANY_LAWS, MANY_COUPLINGS, ALMOST_ALL = 4, 4, 0.95
+# robot's drives, unless one of them leaves no more than this share of the squared residual, or two that have
+# names leave no more than the other one between them: the others are their rests.
+MANY_LAWS, MANY_COUPLINGS, LEFT_BY_ONE, LEFT_BY_TWO = 4, 4, 0.05, 0.01
 # Squared residual that is left where a joint's own elasticity is all that gives way, as a share of what
 # re-identification leaves.
 ELASTIC_LEFT = 0.16
@@ -99,9 +100,16 @@ def many_laws(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[
         elsewhere = float(np.median(np.delete(own, joint))) if len(own) > 1 else 0.0
         many = len(laws) - elsewhere >= MANY_LAWS and any(a.named for a in laws)
         many |= len(coupled) >= MANY_COUPLINGS and any(_is_coupling(a) for a in laws)
-        if many and max(a.share for a in laws) < ALMOST_ALL:
+        if many and not _is_almost_all(laws):
             found.append(Unclaimed(joint, MANY, 1 - float(left[joint])))
     return tuple(found)
+
+
+def _is_almost_all(laws: Sequence[Accepted]) -> bool:
+    """Whether one of a joint's laws, or two that have names, leave next to nothing for the others."""
+    one = min(1 - a.share for a in laws)
+    two = sorted(1 - a.share for a in laws if a.named)[:2]
+    return one <= LEFT_BY_ONE or (len(two) == 2 and two[0] * two[1] <= LEFT_BY_TWO)
 
 
 def resonances(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:

@@ -62,9 +62,10 @@ def choose(
     first, before = int(np.argmax(likelihoods)), log_likelihood(stage.hypothesis, stage.fitted)
     if len(shortlist[first].candidate.family.refine) > 1:
         shortlist[first] = refined(robot, stage, shortlist[first], MORE_TRIED)
-    # A delay and the timing of the log make a column of each other that only one of them at a time has. The
-    # price is for rivals; here nothing is to make the fit far worse.
-    if likelihoods[first] + price(stage.hypothesis, shortlist[first].candidate) <= before:
+    # The price is for rivals; here nothing is to make the fit far worse.
+    if likelihoods[first] + price(stage.hypothesis, listed[first]) <= before and not (
+        listed[first].family.effect == DELAY and _is_told_by_all_runs(stage, compared[first])
+    ):
         return None
     shortlist[first], trial = _likelier(robot, stage, shortlist[first])
     after = Stage(stage.ground, *trial)
@@ -79,6 +80,16 @@ def choose(
     exact = stage.as_fitted(shortlist[first].gain, trial)
     best = max(shortlist[first], Weighed(exact, gained(stage, exact)), key=lambda w: w.score)
     return best, tuple(sorted(rivals, key=lambda r: -r[1])), trial
+
+
+def _is_told_by_all_runs(stage: Stage, delayed: tuple[Design, Fit]) -> bool:
+    """Whether all runs together have a delay, the last effect, rather than the log's timing.
+
+    They make a column of each other that only one of them at a time has. Where a run that is left out was the
+    fast one, the prior keeps the timing near its size, and nothing the delay.
+    """
+    more = log_posterior(*delayed) - log_posterior(stage.hypothesis, stage.fitted)
+    return more > price(stage.hypothesis, delayed[0].accepted[-1])
 
 
 def _by_all_runs(

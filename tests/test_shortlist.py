@@ -83,6 +83,17 @@ def test_which_error_an_encoder_has_is_told_by_all_runs_together(arm, monkeypatc
     assert chosen[0].candidate.family.effect == "encoder_offset"
 
 
+@pytest.mark.parametrize(("name", "is_told"), [("torque_delay", True), ("actuator_lag", False)])
+def test_a_delay_in_the_place_of_the_timing_is_told_by_all_runs_together(arm, monkeypatch, name, is_told):
+    """Left-out runs may be foretold worse by it: the prior keeps the timing alone near its size."""
+    prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, "torque_delay::delay=0.004")]))
+    stage = Stage.of(ground(prepared), [])
+    weighed = weigh(stage, Bank(stage.ground, candidates(prepared, only=[name])))[:1]
+    # The more that was taken in, the worse.
+    monkeypatch.setattr(shortlist, "log_likelihood", lambda hypothesis, _: -99.0 * len(hypothesis.accepted))
+    assert (choose(arm, stage, weighed, weighed) is not None) == is_told
+
+
 @pytest.mark.parametrize("doubling", [0.004, 0.02, None])
 def test_a_spring_that_hardens_is_found_by_its_own_law(arm, doubling):
     law = "law=two_mass" if doubling is None else f"law=hardening,doubling_windup={doubling}"

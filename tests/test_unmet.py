@@ -90,6 +90,23 @@ def test_many_laws_at_a_joint_with_a_name_are_none_unless_one_all_but_explains_i
     assert all(each.regime == MANY for each in found)
 
 
+@pytest.mark.parametrize(
+    ("shares", "named", "joints"),
+    [((0.94, 0.9), True, []), ((0.94, 0.7), True, [1]), ((0.94, 0.9), False, [1])],
+)
+def test_two_laws_with_names_that_all_but_explain_a_joint_have_the_others_as_rests(
+    prepared, shares, named, joints
+):
+    effects = ("torque_gain_error", "load_dependent_friction", "stribeck_friction", "transmission_ripple")
+    every = [candidates(prepared, only=[name]) for name in effects]
+    taken_in = [
+        replace(_accepted(next(c for c in each if c.family.joint == 1), named=own), share=share)
+        for each, share, own in zip(every, (*shares, 0.2, 0.1), (True, named, False, False), strict=True)
+    ]
+    first = Stage.of(ground(prepared), [])
+    assert [each.joint for each in many_laws(first, first, taken_in)] == joints
+
+
 @pytest.mark.parametrize(("elsewhere", "joints"), [(0, [1]), (1, [])])
 def test_imperfections_that_other_joints_have_as_many_of_are_no_law_without_a_name(
     prepared, elsewhere, joints
