@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.parameters import ARMATURE, COULOMB, MASS, PER_JOINT, VISCOUS
+from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 from testbench.effects.size import scale_of, typical_range
@@ -53,7 +53,8 @@ LARGEST: Mapping[str, float] = {
     "stribeck_friction": 5.0,
     "asymmetric_friction": 5.0,
     "presliding_hysteresis": 3.0,
-    ELASTIC: 3.0,
+    # Of a wrist whose rotor is nearly all of its inertia.
+    ELASTIC: 6.0,
     "encoder_offset": 3.0,
     "encoder_eccentricity": 3.0,
     "torque_gain_error": 3.0,
@@ -62,8 +63,6 @@ LARGEST: Mapping[str, float] = {
     CABLE: 10.0,
     "gravity_spring": 10.0,
 }
-# A gearbox swings with its link: of a joint's inertia the rotor is no part, but this share is one anyway.
-LIGHTEST_LINK = 0.05
 # Springs that hold this share of what the drive can are met on any arm.
 SPRINGS, HELD = (CABLE, "gravity_spring"), 0.2
 # And of a law beside an effect's first.
@@ -142,8 +141,6 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
         amount = _number(values[parameter.name])
         if family.effect == CABLE:
             amount *= _lever(robot, family.joint)
-        if family.effect == ELASTIC:
-            severe *= _share_of_link(robot, family.joint)
         if family.effect in SPRINGS and amount <= HELD * scale_of("torque_limit", robot, family.joint):
             return True
         return amount <= largest * severe if severe >= mild else amount >= severe / largest
@@ -198,12 +195,6 @@ def _lever(robot: Robot, joint: int | None) -> float:
     """How far from rest a cable is judged, rad (m): half of the joint's range, or one where that is more."""
     assert joint is not None
     return min(0.5 * float(robot.limits.upper[joint] - robot.limits.lower[joint]), 1.0)
-
-
-def _share_of_link(robot: Robot, joint: int | None) -> float:
-    """Of a joint's own inertia, what is not its rotor's."""
-    rotor = float(robot.parameters.reshape(-1, PER_JOINT)[joint, ARMATURE])
-    return max(1 - rotor / max(scale_of("inertia", robot, joint), np.finfo(float).tiny), LIGHTEST_LINK)
 
 
 def _number(quantity: Quantity) -> float:

@@ -10,7 +10,7 @@ from .bank import Bank
 from .candidates import EVENT, SATURATION
 from .contact import contact, explains_all_bursts, is_in_bursts_at_several
 from .evidence import Fit
-from .healthy import is_beyond_healthy, is_plausible
+from .healthy import ELASTIC, is_beyond_healthy, is_plausible
 from .hypothesis import Design
 from .likelihood import Weighed, weigh
 from .linearisation import bends_parameters
@@ -25,9 +25,12 @@ from .weighing import Gain, Stage
 AS_NOTHING = 1.0
 # Four standard deviations of what shows in the parameters' shift, which tells beside them.
 SWALLOWED_WALD = 16.0
-# A gain error that all runs together tell by the parameters' shift is believed from three: what is told so of
-# a healthy joint is smaller than healthy gains are.
-GAIN, GAIN_WALD = "torque_gain_error", 9.0
+# What makes up for a misfit has another size without one run or another. A trace of what bends all parameters
+# is its joint's own from this Wald's statistic on, of deviations by what the runs make of it.
+AGREED = 12.0
+# A spring's column has a coefficient of one where its shape is right. With less than this it is another's,
+# which a little of its resonance happens to look like.
+LEAST_SPRING = 0.15
 # A push that explains so many times what any effect does is seen first: it would be taken for effects.
 FAR_MORE = 3.0
 # What gains this share of the most that any effect does may be it.
@@ -61,11 +64,12 @@ class Found:
         family = self.best.candidate.family
         if family.effect in (EVENT, SATURATION):
             return True
-        wald = self.trial[1].wald(slice(-self.best.candidate.count, None))
+        fitted, own = self.trial[1], slice(-self.best.candidate.count, None)
+        wald = fitted.wald(own)
         if self.is_trace and not bends_parameters(family):
             return bool(wald > TRACE_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
-        if self.is_trace and family.effect == GAIN:
-            return bool(wald > GAIN_WALD)
+        if self.is_trace and self.best.candidate.count == 1 and fitted.wald_by_folds(own) < AGREED:
+            return False
         return bool(wald > (SWALLOWED_WALD if family.swallowed else SMALLEST_WALD))
 
 
@@ -89,6 +93,8 @@ class Search:
         def allowed(gain: Gain) -> bool:
             # A law beside an effect's first stands back for it where it is none that is met.
             law = gain.candidate.member.law
+            if gain.candidate.family.effect == ELASTIC and gain.coefficients[0] < LEAST_SPRING:
+                return False
             return law is None or is_plausible(self.sized, gain.candidate, gain.coefficients)
 
         return [

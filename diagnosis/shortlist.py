@@ -164,6 +164,8 @@ def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
             tried += [refined(robot, stage, each, MORE_TRIED) for each in best]
     if len(tried) == 1:
         return found
+    # As far as the others.
+    tried[0] = refined(robot, stage, found, MORE_TRIED)
     return max(tried, key=lambda each: log_likelihood(*stage.compared(each.candidate)))
 
 

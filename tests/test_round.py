@@ -27,16 +27,17 @@ def test_what_all_runs_together_fit_as_nothing_is_not_open(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("effect", "is_trace", "expected"),
-    [("torque_gain_error", True, True), ("torque_gain_error", False, False), ("encoder_offset", True, False)],
+    ("is_trace", "by_all_runs", "by_folds", "expected"),
+    [(True, 20.0, 15.0, True), (True, 15.0, 15.0, False), (True, 20.0, 9.0, False), (False, 20.0, 9.0, True)],
 )
-def test_three_deviations_are_certain_of_a_gain_that_is_a_trace(
-    tmp_path, monkeypatch, effect, is_trace, expected
+def test_a_trace_of_what_bends_all_parameters_is_certain_where_the_runs_agree(
+    tmp_path, monkeypatch, is_trace, by_all_runs, by_folds, expected
 ):
     arm = small_arm(tmp_path)
     prepared = prepare(arm, simulated_runs(arm, [], runs=3))
     stage = Stage.of(ground(prepared), [])
-    best = weigh(stage, Bank(stage.ground, candidates(prepared, only=[effect])))[0]
-    monkeypatch.setattr(Fit, "wald", lambda *_: 12.0)
+    best = weigh(stage, Bank(stage.ground, candidates(prepared, only=["encoder_offset"])))[0]
+    monkeypatch.setattr(Fit, "wald", lambda *_: by_all_runs)
+    monkeypatch.setattr(Fit, "wald_by_folds", lambda *_: by_folds)
     found = Found(best, (), stage.with_effects([best.candidate]), is_trace)
     assert found.is_certain(stage) == expected

@@ -17,8 +17,8 @@ class EffectParameter:
     """One parameter of an effect, SI at the joint.
 
     name, unit: as the diagnosis states them. lower, upper: hard bounds. typical: (mild, severe) on an
-    industrial arm; for parameters that scale with the joint, as a share of ``relative_to``
-    (coulomb, viscous, viscous_torque, torque_limit, gravity, inertia), else absolute and relative_to is "".
+    industrial arm; for parameters that scale with the joint, as a share of ``relative_to`` (coulomb, viscous,
+    viscous_torque, torque_limit, gravity, link_inertia), else absolute and relative_to is "".
     """
 
     name: str

@@ -25,7 +25,7 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .link_motion import elastic_change, link_row, typical_inertia
+from .link_motion import elastic_change, link_row, typical_link_inertia
 from .mjcf_form import joint_element
 from .signature import Family, Logged, Member, Quantity
 
@@ -41,8 +41,8 @@ DESCRIPTION = EffectDescription(
     'Seering, "A nonlinear model of a harmonic drive gear transmission", IEEE T-RA 12(3), 1996',
     scope=Scope.JOINT,
     parameters=(
-        EffectParameter("stiffness", "N·m/rad", 1e-3, np.inf, (9000.0, 1500.0), "inertia"),
-        EffectParameter("damping", "N·m·s/rad", 0.0, np.inf, (6.0, 6.0), "inertia"),
+        EffectParameter("stiffness", "N·m/rad", 1e-3, np.inf, (18000.0, 2000.0), "link_inertia"),
+        EffectParameter("damping", "N·m·s/rad", 0.0, np.inf, (10.0, 10.0), "link_inertia"),
         EffectParameter("doubling_windup", "rad", 1e-6, np.inf, (4e-3, 4e-3)),
     ),
     laws=("two_mass", "hardening", "quasi_static"),
@@ -52,9 +52,9 @@ DESCRIPTION = EffectDescription(
 TWO_MASS, HARDENING, QUASI_STATIC = DESCRIPTION.laws
 # Share of the rotor's inertia that is put between the spring and the play of one joint in MJCF.
 BETWEEN = 0.01
-# Hz, of the joint's whole inertia on the spring: steps of a third, which a refinement closes. The link alone
-# swings faster, stretched out slower.
-FREQUENCIES, LOWEST, HIGHEST = (4.5, 6.0, 8.0, 10.7, 14.2, 19.0), 3.0, 28.0
+# Hz, of the link on the spring while its motor holds: steps of a quarter, which a refinement closes. Most of
+# a wrist's inertia is its rotor's, which has no part in this.
+FREQUENCIES, LOWEST, HIGHEST = (4.5, 5.6, 7.0, 8.8, 11.0, 13.7, 17.2, 21.5), 3.0, 40.0
 # With that inertia: what is looked for first, and what it may be.
 DAMPING_RATIOS, LEAST_RATIO, LARGEST_RATIO = (0.03, 0.1), 0.005, 0.4
 # Hz without a windup, of hardening springs; the windups at which they are twice as stiff, of what the load
@@ -104,7 +104,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     windup alone, and so the stiffness over the coefficient.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    inertia = typical_inertia(runs[0], joint)
+    inertia = typical_link_inertia(runs[0], joint)
     links = [link_row(run, joint) for run in runs]
     rows = tuple(range(runs[0].joints))
 

@@ -24,7 +24,9 @@ from .logged import Logged
 Array = NDArray[np.float64]
 
 # A link whose inertia re-identification has made too small or negative still moves like one.
-LEAST_INERTIA_SHARE = 1e-3
+LEAST_INERTIA_SHARE = 0.01
+# Nor is any link nothing beside its rotor.
+LIGHTEST_LINK = 1e-3
 # Of the contact at the ends of a gap; teeth hardly bounce.
 CONTACT_DAMPING_RATIO = 0.7
 # Hz, at least, of the steps through the gap: a contact lasts a few milliseconds.
@@ -34,10 +36,10 @@ POSES, UNLIMITED_RANGE = 64, np.pi
 NEWTON = 4
 
 
-def typical_inertia(run: Logged, joint: int) -> float:
-    """A joint's own inertia by the model as given, rotor included: RMS over poses, kg·m² (kg).
+def typical_link_inertia(run: Logged, joint: int) -> float:
+    """The inertia that a joint's transmission moves, by the model as given: RMS over poses, kg·m² (kg).
 
-    The same for every run of a robot, whatever was re-identified.
+    Not the rotor, which is on the other side. The same for every run of a robot, whatever was re-identified.
     """
     limits = run.limits
     lower = np.where(np.isfinite(limits.lower), limits.lower, -UNLIMITED_RANGE)
@@ -51,7 +53,8 @@ def typical_inertia(run: Logged, joint: int) -> float:
         inverse_dynamics(run.chain, links.ravel(), poses, still, still + push, threads=1)[:, joint]
         for push in (unit, -unit)
     ]
-    return float(np.sqrt(np.mean(((torque[0] - torque[1]) / 2) ** 2))) + armature
+    link = float(np.sqrt(np.mean(((torque[0] - torque[1]) / 2) ** 2)))
+    return max(link, LIGHTEST_LINK * armature)
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class LinkRow:
 def link_row(run: Logged, joint: int) -> LinkRow:
     """The row of one joint."""
     own = [np.ascontiguousarray(part[:, joint]) for part in (run.load, *run.load_derivatives(joint))]
-    own[3] = np.maximum(own[3], LEAST_INERTIA_SHARE * typical_inertia(run, joint))
+    own[3] = np.maximum(own[3], LEAST_INERTIA_SHARE * typical_link_inertia(run, joint))
     return LinkRow(run, joint, *own)
 
 

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 POSES = 200
 # Of the speed limit: a speed that joints work at.
 WORKING_SPEED = 0.3
+# A wrist that carries nothing yet is made to: its link counts as this share of all that its motor moves.
+LIGHTEST_LINK = 0.05
 # Where a model states no limit: half a turn, and a speed and a torque that arms of any size know.
 POSITION_RANGE, SPEED, TORQUE = np.pi, 3.0, 50.0
 
@@ -46,8 +48,8 @@ def scale_of(relative_to: str, robot: Robot, joint: int | None) -> float:
     """What a typical range is a share of, SI; 1 for "".
 
     coulomb: N·m. viscous: N·m·s/rad. viscous_torque: N·m at the speed limit. torque_limit: N·m.
-    gravity: N·m, RMS over poses. inertia: kg·m², the joint's own, RMS over poses. friction_power: W, at
-    WORKING_SPEED.
+    gravity: N·m, RMS over poses. link_inertia: kg·m², the joint's own without its rotor, RMS over poses; of
+    LIGHTEST_LINK of that with it, at least. friction_power: W, at WORKING_SPEED.
     """
     if not relative_to:
         return 1.0
@@ -97,6 +99,7 @@ def _scales(key: _Key) -> dict[str, Array]:
     for joint, unit in enumerate(np.eye(n)):
         moved = inverse_dynamics(chain, links.ravel(), poses, still, still + unit, threads=1)
         inertia[:, joint] = (moved - gravity)[:, joint]
+    link = np.sqrt(np.mean(inertia**2, axis=0))
     speed = np.array([speed_limit(limits, joint) for joint in range(n)])
     working = WORKING_SPEED * speed
     return {
@@ -105,6 +108,6 @@ def _scales(key: _Key) -> dict[str, Array]:
         "viscous_torque": table[:, VISCOUS] * speed,
         "torque_limit": np.where(np.isfinite(limits.torque), limits.torque, TORQUE),
         "gravity": np.sqrt(np.mean(gravity**2, axis=0)),
-        "inertia": np.sqrt(np.mean(inertia**2, axis=0)) + table[:, ARMATURE],
+        "link_inertia": np.maximum(link, LIGHTEST_LINK * (link + table[:, ARMATURE])),
         "friction_power": (table[:, VISCOUS] * working + table[:, COULOMB]) * working,
     }

@@ -1,6 +1,7 @@
 """Thermal friction drift: viscous friction falls while its own heat warms the lubricant."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -85,7 +86,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     """-fv·w·v and -fc·w·sgn v with the warmth w that the model's friction power makes.
 
     Shapes ``power``: the mean of these runs, W, of which w = 1 is made; ``carried``: whether a run starts as
-    warm as the one before it has ended, or cold. Until fv is that of the cold joint the coefficients are too
+    warm as the one before it has ended, or cold; ``paused``: whether the joint was at rest between runs whose
+    times follow each other, or went on working. Until fv is that of the cold joint the coefficients are too
     large; where the runs' warmth leaves hardly any of it, the model's stands in.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
@@ -96,20 +98,32 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     heat = [np.maximum(run.friction[:, joint] * v, 0.0) for run, v in zip(runs, speed, strict=True)]
     falling = [np.minimum(f[0] * v**2, p) for f, v, p in zip(friction, speed, heat, strict=True)]
     mean = max(float(np.mean(np.concatenate(heat))), DESCRIPTION.parameters[-1].lower)
+    turns, pauses = _turns(runs)
 
     def member(shape: Mapping[str, float]) -> Member:
-        columns = []
-        start = 0.0
-        for run, (viscous, coulomb), v, *power in zip(runs, friction, speed, heat, falling, strict=True):
-            all_of_it, part = (each / shape["power"] for each in power)
+        columns = [np.empty(0)] * len(runs)
+        start, between = 0.0, 0.0 if shape["paused"] else 1.0
+        for turn, pause in zip(turns, pauses, strict=True):
+            run, (viscous, coulomb), v = runs[turn], friction[turn], speed[turn]
+            start = between + (start - between) * float(np.exp(-pause / shape["time_constant"]))
+            if not shape["carried"]:
+                start = 0.0
+            all_of_it, part = (power[turn] / shape["power"] for power in (heat, falling))
             warm = warmth(all_of_it, part, 1 / (run.sample_rate * shape["time_constant"]), start)
-            start = float(warm[-1]) if shape["carried"] else 0.0
-            columns.append(-warm[:, None] * np.column_stack([viscous * v, coulomb * run.direction[:, joint]]))
+            start = float(warm[-1])
+            falls = np.column_stack([viscous * v, coulomb * run.direction[:, joint]])
+            columns[turn] = -warm[:, None] * falls
         return Member(dict(shape), (joint,), single_joint(columns), np.zeros(2), upper)
 
-    # One run alone carries nothing.
-    carried = (0.0, 1.0) if len(runs) > 1 else (0.0,)
-    shapes = [{"time_constant": t, "carried": c, "power": mean} for c in carried for t in TIME_CONSTANTS]
+    # One run alone carries nothing, and without a pause it makes no difference what the joint did in it.
+    starts = [(0.0, 1.0)]
+    if len(runs) > 1:
+        starts += [(1.0, 1.0), (1.0, 0.0)] if any(pauses) else [(1.0, 1.0)]
+    shapes = [
+        {"time_constant": t, "carried": carried, "paused": paused, "power": mean}
+        for carried, paused in starts
+        for t in TIME_CONSTANTS
+    ]
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,
@@ -118,6 +132,18 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         refine={"time_constant": (SHORTEST, max(TIME_CONSTANTS))},
         member=member,
     )
+
+
+def _turns(runs: Sequence[Logged]) -> tuple[list[int], list[float]]:
+    """The runs in their order, and the seconds before each since the one before it.
+
+    By their times where one clock ran through all of them; else as given, without pauses.
+    """
+    turns = sorted(range(len(runs)), key=lambda run: float(runs[run].time[0]))
+    pauses = [float(runs[run].time[0] - runs[before].time[-1]) for before, run in pairwise(turns)]
+    if min(pauses, default=0.0) > 0:
+        return turns, [0.0, *pauses]
+    return list(range(len(runs))), [0.0] * len(runs)
 
 
 def _cold(run: Logged, joint: int) -> Array:

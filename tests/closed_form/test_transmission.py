@@ -7,7 +7,7 @@ import pytest
 
 from identification.inverse_dynamics import inverse_dynamics
 from testbench.effects import effects
-from testbench.effects.link_motion import typical_inertia
+from testbench.effects.link_motion import typical_link_inertia
 from testbench.effects.signature import Logged
 from testbench.effects.transmission_ripple import periodogram_peaks
 from testbench.robot import Robot
@@ -47,14 +47,15 @@ def elastic_torque(arm: Robot, stiffness: float, damping: float) -> np.ndarray:
     return displaced - inverse_dynamics(arm.chain, links, Q, DQ, DDQ)
 
 
-@pytest.mark.parametrize("frequency", [8, 12, 16])
+@pytest.mark.parametrize("frequency", [6, 8, 10, 12, 16, 20])
 def test_elasticity_is_explained(arm: Robot, base: np.ndarray, logged: Logged, frequency: float) -> None:
     inertia = 0.9  # about what joint J carries
     stiffness = (2 * np.pi * frequency) ** 2 * inertia
     torque = elastic_torque(arm, stiffness, 4.0)
     family = effects()["joint_elasticity"].signature([logged], J, None)
-    assert unexplained(base, torque, family)[0] < 0.1
-    ratio = 4.0 / (2 * np.sqrt(stiffness * typical_inertia(logged, J)))
+    # Between two of those that are tried first, either explains most of it.
+    assert unexplained(base, torque, family)[0] < 0.2
+    ratio = 4.0 / (2 * np.sqrt(stiffness * typical_link_inertia(logged, J)))
     # Neither a stiffness 5 % off nor another damping explains as much as those that acted.
     springs = [
         single(family, stiffness=k * stiffness, damping_ratio=d * ratio / np.sqrt(k)).members[0]
