@@ -38,6 +38,8 @@ SMALLEST_TORQUE = 0.005
 # ... or the log-likelihood of the parameters' shift that it must spare, where it is swallowed by them and has
 # one coefficient or two.
 SMALLEST_SHIFT = 7.5
+# A gravity spring's is that of the first moments of all links beyond its joint: errors of several add up.
+SPRING_SHIFT = 12.0
 # And what must be left of that with what it does to runs left out.
 SMALLEST_SUM = 6.0
 HIDDEN_OVERLAP = 0.9
@@ -135,7 +137,7 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = Fa
         return False
     if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
         return False
-    least = SMALLEST_SHIFT + by_chance(gain.candidate)
+    least = SPRING_SHIFT if family.effect == SPRING else SMALLEST_SHIFT + by_chance(gain.candidate)
     shifts = gained_by_shift(stage, gain) > least and gained(stage, gain) > SMALLEST_SUM
     if gain.overlap > HIDDEN_OVERLAP and shifts and not _is_of_sensors(robot, stage, gain):
         return True
