@@ -53,7 +53,7 @@ LARGEST: Mapping[str, float] = {
     "stribeck_friction": 5.0,
     "asymmetric_friction": 5.0,
     "presliding_hysteresis": 3.0,
-    # Of a wrist whose rotor is nearly all of its inertia.
+    # A wrist's link may be far lighter than the one that its typical range is stated for.
     ELASTIC: 6.0,
     "encoder_offset": 3.0,
     "encoder_eccentricity": 3.0,

@@ -91,10 +91,10 @@ class Search:
         taken = {each.place for each in stage.hypothesis.accepted}
 
         def allowed(gain: Gain) -> bool:
-            # A law beside an effect's first stands back for it where it is none that is met.
-            law = gain.candidate.member.law
             if gain.candidate.family.effect == ELASTIC and gain.coefficients[0] < LEAST_SPRING:
                 return False
+            # A law beside an effect's first stands back for it where it is none that is met.
+            law = gain.candidate.member.law
             return law is None or is_plausible(self.sized, gain.candidate, gain.coefficients)
 
         return [

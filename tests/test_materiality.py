@@ -54,10 +54,14 @@ def test_a_gearbox_swings_with_its_link_however_heavy_the_rotor(tmp_path, rotor)
     link = 0.0342  # of the elbow
     np.testing.assert_allclose(typical_range(stiffness, arm, 1), (18000 * link, 2000 * link), rtol=1e-3)
     own = [c for c in candidates(prepared, only=["joint_elasticity"]) if c.family.joint == 1]
-    softest = min(c.member.shape["stiffness"] for c in own)
-    assert softest == pytest.approx((2 * np.pi * 4.5) ** 2 * link, rel=1e-3)
+    softest = min(own, key=lambda c: c.member.shape["stiffness"])
+    sought = softest.member.shape["stiffness"]
+    assert sought == pytest.approx((2 * np.pi * 4.5) ** 2 * link, rel=1e-3)
     # A column's coefficient is one at the stiffness of its shape.
     assert all(is_plausible(arm, c, np.ones(1)) for c in own)
+    for share, is_met in ((0.2, True), (0.1, False)):
+        amount = sought / (share * 2000 * link)
+        assert is_plausible(arm, softest, np.array([amount])) == is_met
 
 
 @pytest.mark.parametrize(("share", "is_met"), [(0.15, True), (2.0, False)])

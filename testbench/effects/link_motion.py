@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 
 # A link whose inertia re-identification has made too small or negative still moves like one.
 LEAST_INERTIA_SHARE = 0.01
-# Nor is any link nothing beside its rotor.
-LIGHTEST_LINK = 1e-3
+# Nor is any link less than this share of its rotor.
+LEAST_ROTOR_SHARE = 1e-3
 # Of the contact at the ends of a gap; teeth hardly bounce.
 CONTACT_DAMPING_RATIO = 0.7
 # Hz, at least, of the steps through the gap: a contact lasts a few milliseconds.
@@ -54,7 +54,7 @@ def typical_link_inertia(run: Logged, joint: int) -> float:
         for push in (unit, -unit)
     ]
     link = float(np.sqrt(np.mean(((torque[0] - torque[1]) / 2) ** 2)))
-    return max(link, LIGHTEST_LINK * armature)
+    return max(link, LEAST_ROTOR_SHARE * armature)
 
 
 @dataclass(frozen=True)

@@ -102,15 +102,14 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     def member(shape: Mapping[str, float]) -> Member:
         columns = [np.empty(0)] * len(runs)
-        start, between = 0.0, 0.0 if shape["paused"] else 1.0
+        end, between = 0.0, 0.0 if shape["paused"] else 1.0
         for turn, pause in zip(turns, pauses, strict=True):
             run, (viscous, coulomb), v = runs[turn], friction[turn], speed[turn]
-            start = between + (start - between) * float(np.exp(-pause / shape["time_constant"]))
-            if not shape["carried"]:
-                start = 0.0
+            kept = float(np.exp(-pause / shape["time_constant"]))
+            start = between + (end - between) * kept if shape["carried"] else 0.0
             all_of_it, part = (power[turn] / shape["power"] for power in (heat, falling))
             warm = warmth(all_of_it, part, 1 / (run.sample_rate * shape["time_constant"]), start)
-            start = float(warm[-1])
+            end = float(warm[-1])
             falls = np.column_stack([viscous * v, coulomb * run.direction[:, joint]])
             columns[turn] = -warm[:, None] * falls
         return Member(dict(shape), (joint,), single_joint(columns), np.zeros(2), upper)

@@ -47,14 +47,18 @@ def elastic_torque(arm: Robot, stiffness: float, damping: float) -> np.ndarray:
     return displaced - inverse_dynamics(arm.chain, links, Q, DQ, DDQ)
 
 
-@pytest.mark.parametrize("frequency", [6, 8, 10, 12, 16, 20])
-def test_elasticity_is_explained(arm: Robot, base: np.ndarray, logged: Logged, frequency: float) -> None:
+# 8 Hz is midway between two of those that are tried first, each of which explains less of it.
+@pytest.mark.parametrize(
+    ("frequency", "most_left"), [(6, 0.1), (8, 0.2), (10, 0.1), (12, 0.1), (16, 0.1), (20, 0.1)]
+)
+def test_elasticity_is_explained(
+    arm: Robot, base: np.ndarray, logged: Logged, frequency: float, most_left: float
+) -> None:
     inertia = 0.9  # about what joint J carries
     stiffness = (2 * np.pi * frequency) ** 2 * inertia
     torque = elastic_torque(arm, stiffness, 4.0)
     family = effects()["joint_elasticity"].signature([logged], J, None)
-    # Between two of those that are tried first, either explains most of it.
-    assert unexplained(base, torque, family)[0] < 0.2
+    assert unexplained(base, torque, family)[0] < most_left
     ratio = 4.0 / (2 * np.sqrt(stiffness * typical_link_inertia(logged, J)))
     # Neither a stiffness 5 % off nor another damping explains as much as those that acted.
     springs = [
