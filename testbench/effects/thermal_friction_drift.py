@@ -87,8 +87,9 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     Shapes ``power``: the mean of these runs, W, of which w = 1 is made; ``carried``: whether a run starts as
     warm as the one before it has ended, or cold; ``paused``: whether the joint was at rest between runs whose
-    times follow each other, or went on working. Until fv is that of the cold joint the coefficients are too
-    large; where the runs' warmth leaves hardly any of it, the model's stands in.
+    times follow each other, or went on working; ``even``: whether it warms by the clock, whatever it does.
+    Until fv is that of the cold joint the coefficients are too large; where the runs' warmth leaves hardly
+    any of it, the model's stands in.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     friction = [_cold(run, joint) for run in runs]
@@ -108,6 +109,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
             kept = float(np.exp(-pause / shape["time_constant"]))
             start = between + (end - between) * kept if shape["carried"] else 0.0
             all_of_it, part = (power[turn] / shape["power"] for power in (heat, falling))
+            if shape["even"]:
+                all_of_it, part = np.ones_like(v), np.zeros_like(v)
             warm = warmth(all_of_it, part, 1 / (run.sample_rate * shape["time_constant"]), start)
             end = float(warm[-1])
             falls = np.column_stack([viscous * v, coulomb * run.direction[:, joint]])
@@ -119,8 +122,9 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     if len(runs) > 1:
         starts += [(1.0, 1.0), (1.0, 0.0)] if any(pauses) else [(1.0, 1.0)]
     shapes = [
-        {"time_constant": t, "carried": carried, "paused": paused, "power": mean}
+        {"time_constant": t, "carried": carried, "paused": paused, "even": even, "power": mean}
         for carried, paused in starts
+        for even in (0.0, 1.0)
         for t in TIME_CONSTANTS
     ]
     return Family(

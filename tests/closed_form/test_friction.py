@@ -83,7 +83,7 @@ def test_thermal_drift_is_explained(arm: Robot, base: np.ndarray, logged: Logged
     family = effects()["thermal_friction_drift"].signature([logged], J, None)
     of_these_runs = family.members[0].shape["power"]
     assert of_these_runs == pytest.approx(np.mean((3 * np.abs(v) + 2) * np.abs(v)), rel=1e-3)
-    at_it = single(family, time_constant=12.0, carried=0.0, paused=1.0, power=of_these_runs)
+    at_it = single(family, time_constant=12.0, carried=0.0, paused=1.0, even=0.0, power=of_these_runs)
     left, found = unexplained(base, torque, at_it)
     assert left < 0.01
     # A drop at one friction power is that at another by their ratio.
@@ -97,12 +97,19 @@ def test_only_rising_friction_is_flattened(logged: Logged) -> None:
 
 def test_warmth_is_carried_from_run_to_run_or_not(logged: Logged) -> None:
     family = effects()["thermal_friction_drift"].signature([logged, logged], J, None)
-    shape = {"time_constant": 15.0, "power": 5.0, "paused": 1.0}
+    shape = {"time_constant": 15.0, "power": 5.0, "paused": 1.0, "even": 0.0}
     cold, warm = (family.member({**shape, "carried": carried}) for carried in (0.0, 1.0))
     first, second = (columns[:, 0, 0] / DQ[:, J] for columns in warm.columns)
     assert second[0] == pytest.approx(first[-1], rel=1e-3)
     np.testing.assert_array_equal(cold.columns[0], cold.columns[1])
     np.testing.assert_array_equal(cold.columns[0], warm.columns[0])
+
+
+def test_a_joint_may_warm_by_the_clock_whatever_it_does(logged: Logged) -> None:
+    family = effects()["thermal_friction_drift"].signature([logged], J, None)
+    shape = {"time_constant": 15.0, "power": 5.0, "carried": 0.0, "paused": 1.0, "even": 1.0}
+    warm = family.member(shape).columns[0][:, 0, 0] / -DQ[:, J] / 3
+    np.testing.assert_allclose(warm, 1 - np.exp(-TIME / 15.0), atol=1e-3)
 
 
 @pytest.mark.parametrize("given", [(0, 1), (1, 0)])
@@ -113,7 +120,7 @@ def test_warmth_goes_on_between_runs_of_one_clock_in_whatever_order_they_are_giv
     later = replace(logged, time=logged.time + logged.time[-1] + pause)
     runs = [(logged, later)[index] for index in given]
     family = effects()["thermal_friction_drift"].signature(runs, J, None)
-    shape = {"time_constant": 15.0, "power": 5.0, "carried": 1.0}
+    shape = {"time_constant": 15.0, "power": 5.0, "carried": 1.0, "even": 0.0}
     for paused, towards in ((1.0, 0.0), (0.0, 1.0)):
         columns = family.member({**shape, "paused": paused}).columns
         before, after = (columns[given.index(run)][:, 0, 0] / -DQ[:, J] / 3 for run in (0, 1))

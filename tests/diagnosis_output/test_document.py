@@ -66,7 +66,7 @@ def test_shapes_of_another_version_are_one_clear_line(answer: Diagnosis, runs: d
     logged = logged_motion(corrected_model(answer), runs["run_3"])
     old = Term("thermal_friction_drift", LIFT, None, {"time_constant": 20.0, "carried": 0.0}, np.ones(2))
     with pytest.raises(
-        InputError, match="expected the shapes carried, paused, power, time_constant, got carried, time"
+        InputError, match="expected the shapes carried, even, paused, power, time_constant, got carried, time"
     ):
         term_torque(old, logged)
 
