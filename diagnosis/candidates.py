@@ -94,8 +94,7 @@ def candidate(prepared: Prepared, family: Family, member: Member) -> Candidate:
         filtered = [run.filtered_windows(windows, rows, member.count) for run, windows in each_run]
     else:
         filtered = [run.filtered(own, rows) for run, own in zip(prepared.runs, columns, strict=True)]
-    sample_time = 1 / min(run.logged.sample_rate for run in prepared.runs)
-    return Candidate(family, member, tuple(filtered), prepared.joints, sample_time)
+    return Candidate(family, member, tuple(filtered), prepared.joints, prepared.sample_time)
 
 
 def without_law(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .accepted import Accepted
+from .alone import is_alone
 from .candidates import SATURATION
 from .evidence import Fit, fitted_to, squares
 from .findings import Gap
@@ -52,17 +53,17 @@ def accepted_as(
     apart: the stage before any effect of the joints. rest: what is left to explain beside it.
     """
     best, torque_rms = found.best, stage.ground.torque_rms
-    # Where an imperfection of healthy size would explain it as well, nothing else need be there.
-    sizes = [
-        (best.candidate, found.trial[1].values[-best.candidate.count :]),
-        *((w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL),
-    ]
+    own = best.candidate, found.trial[1].values[-best.candidate.count :]
+    as_well = [(w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL]
     obvious = is_obvious(sized, stage, best.gain)
-    beyond = obvious or all(is_beyond_healthy(sized, torque_rms, *s) for s in sizes)
-    beyond = beyond and not is_excessive(sized, *sizes[0])
+    alone = not before and is_alone(sized, stage, best, own[1], rest)
+    beyond = alone or is_beyond_healthy(sized, torque_rms, *own)
+    # Where an imperfection of healthy size would explain it as well, nothing else need be there.
+    beyond = beyond and all(is_beyond_healthy(sized, torque_rms, *each) for each in as_well)
+    beyond = (obvious or beyond) and not is_excessive(sized, *own)
     # What a push leaves is where it was.
     firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
-    main = is_main(sized, apart, stage, best, firsts, rest)
+    main = alone or is_main(sized, apart, stage, best, firsts, rest)
     certain = found.is_certain(stage)
     samples = stage.independent[list(best.candidate.member.rows)]
     # Of an effect of the whole robot all joints tell.

@@ -115,6 +115,11 @@ class Prepared:
         return self.robot.joints
 
     @property
+    def sample_time(self) -> float:
+        """Seconds between samples, of the run that has the fewest."""
+        return 1 / min(run.logged.sample_rate for run in self.runs)
+
+    @property
     def coulomb_smoothing(self) -> Array:
         """(n,) rad/s (m/s), w of Coulomb friction fc tanh(v / w), alike in all runs; 0 for fc sgn v."""
         smoothing = self.runs[0].logged.coulomb_smoothing

@@ -6,17 +6,18 @@ from functools import cache, partial
 
 from testbench.robot import Robot
 
+from .alone import is_late_alone, is_most
 from .bank import Bank
 from .candidates import EVENT, SATURATION
 from .contact import contact, explains_all_bursts, is_in_bursts_at_several
 from .evidence import Fit
 from .healthy import ELASTIC, is_beyond_healthy, is_plausible
-from .hypothesis import Design
+from .hypothesis import DELAY, Design
 from .likelihood import Weighed, weigh
 from .linearisation import bends_parameters
 from .materiality import SMALLEST_GAIN, SMALLEST_WALD, is_material
 from .saturation import Cut, saturation
-from .shortlist import choose
+from .shortlist import choose, refined
 from .swallowed import swallowed
 from .unclaimed import unclaimed
 from .weighing import Gain, Stage
@@ -25,9 +26,6 @@ from .weighing import Gain, Stage
 AS_NOTHING = 1.0
 # Four standard deviations of what shows in the parameters' shift, which tells beside them.
 SWALLOWED_WALD = 16.0
-# What makes up for a misfit has another size without one run or another. A trace of what bends all parameters
-# is its joint's own from this Wald's statistic on, of deviations by what the runs make of it.
-AGREED = 12.0
 # A spring's column has a coefficient of one where its shape is right. With less than this it is another's,
 # which a little of its resonance happens to look like.
 LEAST_SPRING = 0.15
@@ -35,9 +33,8 @@ LEAST_SPRING = 0.15
 FAR_MORE = 3.0
 # What gains this share of the most that any effect does may be it.
 AS_MUCH = 0.7
-# Beside one that is alone nothing gains more than this share of what it does; it takes off this share of some
-# joint's RMS torque.
-BESIDE_ALONE, SEEN_ALONE = 0.4, 0.0015
+# One that is alone takes off this share of some joint's RMS torque.
+SEEN_ALONE = 0.0015
 # A trace that left-out runs tell has a name from four and a half standard deviations, with this share of some
 # joint's rest: what misfit and noise leave rarely has.
 TRACE_WALD, SMALLEST_TRACE = 20.0, 0.025
@@ -68,8 +65,10 @@ class Found:
         wald = fitted.wald(own)
         if self.is_trace and not bends_parameters(family):
             return bool(wald > TRACE_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
-        if self.is_trace and self.best.candidate.count == 1 and fitted.wald_by_folds(own) < AGREED:
-            return False
+        if self.is_trace and self.best.candidate.count == 1:
+            # What makes up for a misfit has another size without one run or another: by both variances' mean.
+            by_folds = fitted.wald_by_folds(own)
+            wald = 2 * wald * by_folds / (wald + by_folds)
         return bool(wald > (SWALLOWED_WALD if family.swallowed else SMALLEST_WALD))
 
 
@@ -136,7 +135,7 @@ class Search:
         if unclaimed(self.first, stage, free):
             # What has no name leaves traces of all kinds.
             return None
-        return self._trace(stage, weighed) or self._alone(stage, weighed)
+        return self._late(stage, weighed) or self._trace(stage, weighed) or self._alone(stage, weighed)
 
     def push(self, stage: Stage, free: Bank) -> Found | None:
         """A push of the surroundings, the only one."""
@@ -144,6 +143,15 @@ class Search:
             return None
         found = contact(stage, free)
         return None if found is None else Found(*found)
+
+    def _late(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
+        """A delay that the timing of the log makes up for, of a robot without any imperfection."""
+        delays = [w for w in weighed if w.candidate.family.effect == DELAY]
+        others = [w for w in weighed if w.candidate.family.effect != DELAY]
+        if not delays or stage.hypothesis.accepted or not is_late_alone(stage, others):
+            return None
+        best = refined(self.sized, stage, delays[0])
+        return Found(best, (), stage.with_effects([best.candidate]))
 
     def _alone(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
         """A little of one effect and of nothing else, which is not how robots are imperfect."""
@@ -154,8 +162,7 @@ class Search:
             return None
         best, rivals, trial = chosen
         others = [w.candidate for w in weighed if w.candidate.place != best.candidate.place]
-        left = weigh(Stage(stage.ground, *trial), Bank(stage.ground, others))
-        if left and left[0].score > BESIDE_ALONE * best.score:
+        if not is_most(best, weigh(Stage(stage.ground, *trial), Bank(stage.ground, others))):
             return None
         return Found(best, rivals, trial, is_trace=True)
 

@@ -28,7 +28,13 @@ def test_what_all_runs_together_fit_as_nothing_is_not_open(tmp_path):
 
 @pytest.mark.parametrize(
     ("is_trace", "by_all_runs", "by_folds", "expected"),
-    [(True, 20.0, 15.0, True), (True, 15.0, 15.0, False), (True, 20.0, 9.0, False), (False, 20.0, 9.0, True)],
+    [
+        (True, 20.0, 15.0, True),
+        (True, 13.0, 60.0, True),
+        (True, 15.0, 15.0, False),
+        (True, 20.0, 9.0, False),
+        (False, 20.0, 9.0, True),
+    ],
 )
 def test_a_trace_of_what_bends_all_parameters_is_certain_where_the_runs_agree(
     tmp_path, monkeypatch, is_trace, by_all_runs, by_folds, expected

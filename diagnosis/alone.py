@@ -1,0 +1,52 @@
+"""What has a name where nothing else is seen: robots that are a little imperfect are so at every joint."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbench.robot import Robot
+
+from .healthy import BENDING, SPRING, WARMING, times_healthy
+from .hypothesis import DELAY
+from .likelihood import Weighed
+from .materiality import SMALLEST_GAIN, SMALLEST_WALD
+from .weighing import Stage
+
+Array = NDArray[np.float64]
+
+# Beside one that is alone nothing gains more than this share of what it does.
+BESIDE_ALONE = 0.4
+# Of these every joint of an imperfect robot has a little. One that gains this log-likelihood alone, and has
+# so much of a healthy size, is no imperfection.
+OF_EVERY_JOINT, LEAST_ALONE, SIZE_ALONE = (SPRING, WARMING, BENDING), 40.0, 0.3
+# Torque that acts later than this, s, and than this share of a sample, for which a drive may hold it, is
+# delayed where nothing else is seen at any joint.
+LEAST_LATE, LATE_OF_SAMPLE = 1e-3, 0.6
+
+
+def is_alone(robot: Robot, stage: Stage, best: Weighed, coefficients: Array, rest: Sequence[Weighed]) -> bool:
+    """Whether what a stage without any effect has found is too much for a robot that has nothing else.
+
+    robot: that sizes are relative to. coefficients: (k,) as fitted in full. rest: what is left to explain.
+    """
+    candidate = best.candidate
+    if candidate.family.effect == DELAY:
+        return is_late_alone(stage, rest)
+    if candidate.family.effect not in OF_EVERY_JOINT or best.score < LEAST_ALONE or not is_most(best, rest):
+        return False
+    return times_healthy(robot, stage.ground.torque_rms, candidate, coefficients) > SIZE_ALONE
+
+
+def is_most(best: Weighed, rest: Sequence[Weighed]) -> bool:
+    """Whether nothing beside it gains nearly as much. rest: what is left to explain."""
+    return max((each.score for each in rest), default=0.0) < BESIDE_ALONE * best.score
+
+
+def is_late_alone(stage: Stage, others: Sequence[Weighed]) -> bool:
+    """Whether a robot without imperfections has its torque act later than the timing of any log has it.
+
+    stage: without a delay. others: what else is weighed.
+    """
+    seen = any(each.gain.wald > SMALLEST_WALD and each.score > SMALLEST_GAIN for each in others)
+    return not seen and stage.acts_late > max(LEAST_LATE, LATE_OF_SAMPLE * stage.prepared.sample_time)

@@ -1,0 +1,29 @@
+"""What is small has a name where nothing else is seen at any joint: robots are imperfect everywhere."""
+
+import pytest
+
+from diagnosis.diagnose import diagnose
+from testbench.effects import parse_injection
+from tests.diagnosed import simulated_runs
+from tests.small_arm import small_arm
+
+IMPERFECTION = "transmission_ripple:shoulder:amplitude=0.15,cycles=12"
+
+
+@pytest.mark.parametrize(
+    ("effects", "named"),
+    [
+        # Of what may be any cable, six and two tenths.
+        (["gravity_spring:elbow:stiffness=0.06,phase=0.5"], ["gravity_spring"]),
+        (["gravity_spring:elbow:stiffness=0.02,phase=0.5"], []),
+        (["gravity_spring:elbow:stiffness=0.06,phase=0.5", IMPERFECTION], []),
+        # Logs of 1 kHz may be taken a millisecond apart.
+        (["torque_delay::delay=0.0015"], ["torque_delay"]),
+        (["torque_delay::delay=0.0008"], []),
+        (["torque_delay::delay=0.0015", IMPERFECTION], []),
+    ],
+)
+def test_a_small_effect_has_a_name_where_nothing_else_is_seen(tmp_path, effects, named):
+    arm = small_arm(tmp_path)
+    runs = simulated_runs(arm, [parse_injection(arm, text) for text in effects], runs=3)
+    assert [each.effect for each in diagnose(arm, runs).effects] == named
