@@ -10,7 +10,7 @@ from testbench.robot import Robot
 from .healthy import BENDING, SPRING, WARMING, times_healthy
 from .hypothesis import DELAY
 from .likelihood import Weighed
-from .materiality import SMALLEST_GAIN, SMALLEST_WALD
+from .materiality import BEYOND, SMALLEST_GAIN, SMALLEST_WALD
 from .weighing import Stage
 
 Array = NDArray[np.float64]
@@ -48,5 +48,10 @@ def is_late_alone(stage: Stage, others: Sequence[Weighed]) -> bool:
 
     stage: without a delay. others: what else is weighed.
     """
-    seen = any(each.gain.wald > SMALLEST_WALD and each.score > SMALLEST_GAIN for each in others)
-    return not seen and stage.acts_late > max(LEAST_LATE, LATE_OF_SAMPLE * stage.prepared.sample_time)
+    if any(each.gain.wald > SMALLEST_WALD and each.score > SMALLEST_GAIN for each in others):
+        return False
+    timing = stage.hypothesis.parameters - 1
+    deviation = float(np.sqrt(stage.fitted.covariance[timing, timing]))
+    # What acts after the sample that reports it seems to be logged early.
+    late = -stage.timing - BEYOND * deviation
+    return late > max(LEAST_LATE, LATE_OF_SAMPLE * stage.prepared.sample_time)

@@ -25,8 +25,6 @@ Array = NDArray[np.float64]
 # Of a free function, relative to its columns before anything is projected out: what the base regressor all
 # but spans, and what other runs hardly visit, is left alone.
 FREE_RIDGE = 0.02
-# Deviations by which anything is certain.
-CERTAINLY = 3.0
 
 
 @dataclass(frozen=True)
@@ -108,13 +106,6 @@ class Stage:
     def timing(self) -> float:
         """Seconds by which the hypothesis has all torque late, beside its effects."""
         return float(self.fitted.values[self.hypothesis.parameters - 1])
-
-    @property
-    def acts_late(self) -> float:
-        """Seconds that all torque certainly acts after the sample that reports it; none where it may not."""
-        timing = self.hypothesis.parameters - 1
-        deviation = float(np.sqrt(max(self.fitted.covariance[timing, timing], 0.0)))
-        return max(-self.timing - CERTAINLY * deviation, 0.0)
 
     @property
     def prior(self) -> float:
