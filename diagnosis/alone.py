@@ -43,14 +43,15 @@ def is_most(best: Weighed, rest: Sequence[Weighed]) -> bool:
     return max((each.score for each in rest), default=0.0) < BESIDE_ALONE * best.score
 
 
-def is_late_alone(stage: Stage, others: Sequence[Weighed]) -> bool:
+def is_late_alone(stage: Stage, weighed: Sequence[Weighed]) -> bool:
     """Whether a robot without imperfections has its torque act later than the timing of any log has it.
 
-    stage: without a delay. others: what else is weighed.
+    stage: without a delay. weighed: of all effects.
     """
+    others = [each for each in weighed if each.candidate.family.effect != DELAY]
     if any(each.gain.wald > SMALLEST_WALD and each.score > SMALLEST_GAIN for each in others):
         return False
-    timing = stage.hypothesis.parameters - 1
+    timing = stage.hypothesis.timing
     deviation = float(np.sqrt(stage.fitted.covariance[timing, timing]))
     # What acts after the sample that reports it seems to be logged early.
     late = -stage.timing - BEYOND * deviation

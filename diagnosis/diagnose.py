@@ -72,7 +72,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         parameters_only=only,
         final=final,
         parameters=standard_values(prepared, fitted.values),
-        timing=float(fitted.values[hypothesis.parameters - 1]),
+        timing=float(fitted.values[hypothesis.timing]),
         not_observable=found.hidden,
         notes=tuple(_unclaimed_in_words(robot, item) for item in found.unknown),
         recurrence=recurrence(hypothesis, fitted),

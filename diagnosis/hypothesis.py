@@ -54,6 +54,11 @@ class Design:
         return ground(self.prepared).parameters
 
     @property
+    def timing(self) -> int:
+        """Where the timing error is among the unknowns: after the standard parameters."""
+        return self.parameters - 1
+
+    @property
     def gap(self) -> tuple[Array, ...]:
         """Torque less the model's, a run (M, n) N·m."""
         return ground(self.prepared).gap
@@ -84,7 +89,7 @@ class Design:
         kinds, of_joint = np.zeros((2, len(self.precision))), np.zeros((2, PER_JOINT))
         of_joint[0, [*range(INERTIAL), ARMATURE]] = 1.0
         of_joint[1, [VISCOUS, COULOMB, OFFSET]] = 1.0
-        kinds[:, : self.parameters - 1] = np.tile(of_joint, self.prepared.joints)
+        kinds[:, : self.timing] = np.tile(of_joint, self.prepared.joints)
         # What holds a push back goes with the first.
         kinds[0, self.parameters :] = 1.0
         return kinds
@@ -121,7 +126,7 @@ def design(prepared: Prepared, accepted: Sequence[Candidate] = (), is_delayed: b
 
 def log_prior(hypothesis: Design, values: Array) -> Array:
     """Log-prior of parameters (p, ...), the scale of each kind integrated out; up to a constant."""
-    timing, freedom = hypothesis.parameters - 1, _determined(hypothesis)
+    timing, freedom = hypothesis.timing, _determined(hypothesis)
     late = values[timing] ** 2 * hypothesis.precision[timing]
     return -0.5 * freedom @ np.log(likeliest_scales(hypothesis, values)) - 0.5 * late
 

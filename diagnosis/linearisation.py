@@ -13,7 +13,6 @@ from testbench.effects.signature import Family
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
 from .evidence import Fit, fitted_to, standard_values
-from .ground import ground
 from .hypothesis import DELAY, Design
 from .preparation import Prepared
 from .prior import TIMING
@@ -48,7 +47,7 @@ def first_linearised(prepared: Prepared) -> Prepared:
     """The runs linearised at their re-identification: beside a delay, where it comes out that late."""
     hypothesis, fitted = fitted_to(prepared, [])
     values = fitted.values
-    if abs(values[ground(prepared).parameters - 1]) > LATE * TIMING:
+    if abs(values[hypothesis.timing]) > LATE * TIMING:
         _, values = likeliest_delay(hypothesis, fitted)
     return _linearised(hypothesis, values, ())[0]
 

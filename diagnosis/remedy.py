@@ -48,7 +48,7 @@ def write_corrected(diagnosis: Diagnosis, path: str | Path) -> tuple[str, ...]:
         robot = robot_with(diagnosis.robot, standard, Path(folder))
         kept, refused = _written(robot, wanted, path)
     model = corrected_model(diagnosis)
-    if abs(model.final_timing) >= 0.5 / min(run.logged.sample_rate for run in diagnosis.prepared.runs):
+    if abs(model.final_timing) >= 0.5 * diagnosis.prepared.sample_time:
         late = "late" if model.final_timing > 0 else "early"
         kept += (
             f"the logged torque is {1e3 * abs(model.final_timing):.2g} ms {late} against the positions: "

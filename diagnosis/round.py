@@ -146,11 +146,10 @@ class Search:
 
     def _late(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
         """A delay that the timing of the log makes up for, of a robot without any imperfection."""
-        delays = [w for w in weighed if w.candidate.family.effect == DELAY]
-        others = [w for w in weighed if w.candidate.family.effect != DELAY]
-        if not delays or stage.hypothesis.accepted or not is_late_alone(stage, others):
+        delay = next((w for w in weighed if w.candidate.family.effect == DELAY), None)
+        if delay is None or stage.hypothesis.accepted or not is_late_alone(stage, weighed):
             return None
-        best = refined(self.sized, stage, delays[0])
+        best = refined(self.sized, stage, delay)
         return Found(best, (), stage.with_effects([best.candidate]))
 
     def _alone(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:

@@ -105,7 +105,7 @@ class Stage:
     @property
     def timing(self) -> float:
         """Seconds by which the hypothesis has all torque late, beside its effects."""
-        return float(self.fitted.values[self.hypothesis.parameters - 1])
+        return float(self.fitted.values[self.hypothesis.timing])
 
     @property
     def prior(self) -> float:

@@ -108,9 +108,10 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
             run, (viscous, coulomb), v = runs[turn], friction[turn], speed[turn]
             kept = float(np.exp(-pause / shape["time_constant"]))
             start = between + (end - between) * kept if shape["carried"] else 0.0
-            all_of_it, part = (power[turn] / shape["power"] for power in (heat, falling))
             if shape["even"]:
                 all_of_it, part = np.ones_like(v), np.zeros_like(v)
+            else:
+                all_of_it, part = heat[turn] / shape["power"], falling[turn] / shape["power"]
             warm = warmth(all_of_it, part, 1 / (run.sample_rate * shape["time_constant"]), start)
             end = float(warm[-1])
             falls = np.column_stack([viscous * v, coulomb * run.direction[:, joint]])
