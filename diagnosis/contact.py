@@ -153,7 +153,8 @@ def _with_bursts(
 def _without_effects(stage: Stage) -> list[Logged]:
     """The runs without the torque of the effects taken in and at the parameters beside them.
 
-    So a push stands out.
+    So a push stands out, and nothing else does: where a joint's samples do not count, as near rest, its
+    residual is made up from those before and after.
     """
     standard = standard_values(stage.prepared, stage.fitted.values)
     found = []
@@ -161,8 +162,19 @@ def _without_effects(stage: Stage) -> list[Logged]:
         tau = run.logged.tau.copy()
         for each, part in zip(stage.hypothesis.accepted, stage.hypothesis.parts, strict=True):
             tau -= each.member.spread(index, stage.prepared.joints) @ stage.fitted.values[part]
-        found.append(replace(run.logged, tau=tau, parameters=standard, carried=None, beside=None))
+        logged = replace(run.logged, tau=tau, parameters=standard, carried=None, beside=None)
+        found.append(_where_told(logged, run.kept, stage.hypothesis.used[index]))
     return found
+
+
+def _where_told(logged: Logged, kept: NDArray[np.int64], used: NDArray[np.bool_]) -> Logged:
+    """A run whose residual is made up where samples do not count. used: (M, n) of those kept."""
+    residual, samples = logged.residual.copy(), np.arange(logged.samples)
+    for joint, own in enumerate(used.T):
+        told = np.interp(samples, kept, own) > 0.5
+        if told.any():
+            residual[~told, joint] = np.interp(samples[~told], samples[told], residual[told, joint])
+    return replace(logged, tau=logged.predicted + residual)
 
 
 def _in_bursts(stage: Stage) -> dict[int, set[tuple[int, int]]]:

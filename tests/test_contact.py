@@ -58,6 +58,24 @@ def test_a_push_less_than_a_third_as_hard_in_another_run_is_fitted_too(tmp_path)
     assert [bool(columns.any()) for columns in found[0].gain.candidate.member.columns] == [False, True, True]
 
 
+def test_a_push_is_seen_where_friction_near_rest_leaves_more_than_it(tmp_path):
+    arm = small_arm(tmp_path)
+    runs = simulated_runs(arm, [], runs=3)
+    push = parse_injection(arm, PUSH.replace("torque=20", "torque=8"))
+    pushed = simulated_runs(arm, [push], runs=3)["run_2"]
+    # Samples that do not count: the joint turns.
+    still = np.abs(np.gradient(pushed.position, 1e-3, axis=0)) < 0.04
+    runs["run_2"] = replace(pushed, torque=pushed.torque + np.where(still, 60.0, 0.0))
+    prepared = prepare(arm, runs)
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    assert found is not None
+    rubbed = found[0].gain.candidate.member.columns[1].any(axis=(1, 2))
+    first, last = np.flatnonzero(rubbed)[[0, -1]] / 1000
+    assert 1.3 < first < 1.6
+    assert 2.0 < last < 2.3
+
+
 def test_a_shock_that_the_filter_does_not_resolve_is_no_push(tmp_path):
     arm = small_arm(tmp_path)
     runs = simulated_runs(arm, [], runs=3)
