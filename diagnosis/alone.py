@@ -1,13 +1,14 @@
 """What has a name where nothing else is seen: robots that are a little imperfect are so at every joint."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
-from .healthy import BENDING, SPRING, WARMING, times_healthy
+from .accepted import Accepted
+from .healthy import BENDING, RIPPLE, SPRING, WARMING, times_healthy
 from .hypothesis import DELAY
 from .likelihood import Weighed
 from .materiality import BEYOND, SMALLEST_GAIN, SMALLEST_WALD
@@ -19,23 +20,37 @@ Array = NDArray[np.float64]
 BESIDE_ALONE = 0.4
 # Of these every joint of an imperfect robot has a little. One that gains this log-likelihood alone, and has
 # so much of a healthy size, is no imperfection.
-OF_EVERY_JOINT, LEAST_ALONE, SIZE_ALONE = (SPRING, WARMING, BENDING), 40.0, 0.3
+LEAST_ALONE = 40.0
+OF_EVERY_JOINT: Mapping[str, float] = {**dict.fromkeys((SPRING, WARMING, BENDING), 0.3), RIPPLE: 0.5}
 # Torque that acts later than this, s, and than this share of a sample, for which a drive may hold it, is
 # delayed where nothing else is seen at any joint.
 LEAST_LATE, LATE_OF_SAMPLE = 1e-3, 0.6
 
 
-def is_alone(robot: Robot, stage: Stage, best: Weighed, coefficients: Array, rest: Sequence[Weighed]) -> bool:
-    """Whether what a stage without any effect has found is too much for a robot that has nothing else.
+def is_alone(
+    robot: Robot,
+    stage: Stage,
+    best: Weighed,
+    coefficients: Array,
+    before: Sequence[Accepted],
+    rest: Sequence[Weighed],
+) -> bool:
+    """Whether what a stage has found is too much for a robot that has nothing else but what has a name.
 
-    robot: that sizes are relative to. coefficients: (k,) as fitted in full. rest: what is left to explain.
+    robot: that sizes are relative to. coefficients: (k,) as fitted in full. before: what was taken in, at its
+    joint nothing. rest: what is left to explain.
     """
-    candidate = best.candidate
-    if candidate.family.effect == DELAY:
-        return is_late_alone(stage, rest)
-    if candidate.family.effect not in OF_EVERY_JOINT or best.score < LEAST_ALONE or not is_most(best, rest):
+    family = best.candidate.family
+    if family.effect == DELAY:
+        return not before and is_late_alone(stage, rest)
+    if family.effect not in OF_EVERY_JOINT or best.score < LEAST_ALONE or not is_most(best, rest):
         return False
-    return times_healthy(robot, stage.ground.torque_rms, candidate, coefficients) > SIZE_ALONE
+    places = {place for each in before for place in (each.candidate.family.joint, each.candidate.family.into)}
+    nameless = max((each.score for each in before if not each.named), default=0.0)
+    if family.joint in places or nameless >= BESIDE_ALONE * best.score:
+        return False
+    times = times_healthy(robot, stage.ground.torque_rms, best.candidate, coefficients)
+    return times > OF_EVERY_JOINT[family.effect]
 
 
 def is_most(best: Weighed, rest: Sequence[Weighed]) -> bool:

@@ -56,7 +56,7 @@ def accepted_as(
     own = best.candidate, found.trial[1].values[-best.candidate.count :]
     as_well = [(w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL]
     obvious = is_obvious(sized, stage, best.gain)
-    alone = not before and is_alone(sized, stage, best, own[1], rest)
+    alone = is_alone(sized, stage, best, own[1], before, rest)
     beyond = alone or is_beyond_healthy(sized, torque_rms, *own)
     # Where an imperfection of healthy size would explain it as well, nothing else need be there.
     beyond = beyond and all(is_beyond_healthy(sized, torque_rms, *each) for each in as_well)

@@ -7,6 +7,7 @@ from testbench.effects import parse_injection
 from tests.diagnosed import simulated_runs
 from tests.small_arm import small_arm
 
+FAULT = "transmission_ripple:shoulder:amplitude=1.5,cycles=12"
 IMPERFECTION = "transmission_ripple:shoulder:amplitude=0.15,cycles=12"
 
 
@@ -17,6 +18,9 @@ IMPERFECTION = "transmission_ripple:shoulder:amplitude=0.15,cycles=12"
         (["gravity_spring:elbow:stiffness=0.06,phase=0.5"], ["gravity_spring"]),
         (["gravity_spring:elbow:stiffness=0.02,phase=0.5"], []),
         (["gravity_spring:elbow:stiffness=0.06,phase=0.5", IMPERFECTION], []),
+        # Beside what has a name at another joint, that is nothing else.
+        ([FAULT, "gravity_spring:elbow:stiffness=0.06,phase=0.5"], ["transmission_ripple", "gravity_spring"]),
+        ([FAULT, "gravity_spring:elbow:stiffness=0.02,phase=0.5"], ["transmission_ripple"]),
         # Logs of 1 kHz may be taken a millisecond apart.
         (["torque_delay::delay=0.0015"], ["torque_delay"]),
         (["torque_delay::delay=0.0008"], []),
