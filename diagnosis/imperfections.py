@@ -32,13 +32,16 @@ ALIKE: Mapping[str, tuple[tuple[str, ...], float, float]] = {
     OF_THE_LOAD: ((*FRICTION, *SPRINGS), 0.8, np.inf),
 }
 # But what its joint carries little torque beside, or its parameters take up, is one joint's where it is
-# certainly so many times a healthy one's, and so many times as far beyond as the other joints' friction:
-# each joint's bends a little. What grows with the load is told from others' by its own size; what falls with
-# the speed, if no more of the others' torque is imperfect than this multiple of it.
-ONE_JOINTS: Mapping[str, tuple[float, float, float]] = {
-    "stribeck_friction": (2.0, 2.0, 1.0),
-    BENDING: (2.0, 3.5, np.inf),
-    OF_THE_LOAD: (1.5, 0.0, np.inf),
+# certainly so many times a healthy one's, and so many times as far beyond as these of the other joints:
+# each joint's friction bends a little. What grows with the load is told from others' by its own size; what
+# falls with the speed, if no more of the others' torque is imperfect than this multiple of it. Of a cable
+# first moments leave little, but it pulls as it does.
+SLIDING = tuple(each for each in FRICTION if each != BRISTLES)
+ONE_JOINTS: Mapping[str, tuple[float, float, tuple[str, ...], float]] = {
+    "stribeck_friction": (2.0, 2.0, SLIDING, 1.0),
+    BENDING: (2.0, 3.5, SLIDING, np.inf),
+    OF_THE_LOAD: (1.5, 0.0, SLIDING, np.inf),
+    CABLE: (1.5, 3.5, SPRINGS, np.inf),
 }
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: up to
 # this share of their joint's torque they have no name where others surely give way this share as far, with
@@ -134,17 +137,17 @@ def _seen(
 
 
 def _is_of_one(robot: Robot, place: int, theirs: float, open_: Sequence[Weighed], last: Stage) -> bool:
-    """Whether the last hypothesis's effect here is friction far beyond the other joints'.
+    """Whether the last hypothesis's effect here is far beyond what the other joints have of its kind.
 
     theirs: of ``_of_others``.
     """
     effect = last.hypothesis.accepted[place].family.effect
     if effect not in ONE_JOINTS:
         return False
-    far_beyond, as_others, of_others = ONE_JOINTS[effect]
+    far_beyond, as_others, its_kind, of_others = ONE_JOINTS[effect]
     if theirs > of_others:
         return False
-    own, others = _seen(robot, place, [each for each in FRICTION if each != BRISTLES], open_, last)
+    own, others = _seen(robot, place, its_kind, open_, last)
     most = max((each.times for each in others if each.wald > SMALLEST_WALD), default=0.0)
     return own.times * (1 - BEYOND / np.sqrt(own.wald)) > far_beyond and own.times > as_others * most
 
