@@ -236,12 +236,12 @@ def _is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     """Whether it is told by its size, and that is certainly larger than a healthy robot's."""
     family, gain = weighed.candidate.family, weighed.gain
     if family.effect == DELAY:
-        # What a delay and the timing of the log make of each other is a derivative, not a delay.
-        if gained_by_shift(stage, gain) < 0:
-            return False
         # All torque is late, whatever it is called.
         if abs(stage.timing) > LATE:
             return True
+        # What a delay and the timing of the log make of each other is a derivative, not a delay.
+        if gained_by_shift(stage, gain) < 0:
+            return False
     if family.effect not in TOLD_BY_SIZE or weighed.score < SMALLEST_GAIN:
         return False
     own = list(gain.candidate.member.rows)

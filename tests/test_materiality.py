@@ -358,3 +358,16 @@ def test_an_encoder_whose_error_is_most_of_what_is_left_is_at_fault_however_smal
     )
     assert not is_beyond_healthy(arm, stage.ground.torque_rms, own, 0.3 * gain.coefficients)
     assert is_obvious(arm, stage, gain) == expected
+
+
+@pytest.mark.parametrize(("delay", "expected"), [(0.004, True), (0.001, False)])
+def test_torque_that_is_late_at_all_joints_is_a_delay_whatever_the_parameters_make_of_it(
+    tmp_path, delay, expected
+):
+    arm = small_arm(tmp_path)
+    late = parse_injection(arm, f"torque_delay::delay={delay}")
+    prepared = prepare(arm, simulated_runs(arm, [late], runs=2))
+    stage = Stage.of(ground(prepared), [])
+    gain = stage.gain(candidates(prepared, only=["torque_delay"])[0])
+    against = replace(gain, prior=stage.prior - 0.5, held_out=squares(stage, 0.004))
+    assert is_material(arm, stage, Weighed(against, 30.0)) == expected
