@@ -9,7 +9,7 @@ from testbench.robot import Robot
 
 from .candidates import Candidate
 from .evidence import Fit
-from .healthy import ELASTIC, SPRINGS, is_plausible
+from .healthy import CABLE, ELASTIC, SPRINGS, is_plausible
 from .hypothesis import Design
 from .likelihood import Weighed
 from .unclaimed import NOTHING, Unclaimed, share_left
@@ -17,8 +17,9 @@ from .weighing import Stage
 
 # Cycles a revolution.
 SLOWEST_RIPPLE = 10.0
-# A spring that explains this share of a joint's squared residual is one, though not quite by its law.
-ONE_LAW = 0.995
+# A spring that explains this share of a joint's squared residual is one, though not quite by its law; a hose
+# is no straight line either.
+ONE_LAW, HOSE = 0.995, 0.95
 # So many laws at one joint more than at others are one that no catalogue holds, and so many couplings no
 # robot's drives, unless one of them leaves no more than this share of the squared residual, or two that have
 # names leave no more than the other one between them: the others are their rests.
@@ -63,7 +64,10 @@ def without_rests(accepted: Sequence[Accepted]) -> list[Accepted]:
 
     def is_rest(item: Accepted) -> bool:
         others = (a for a in accepted if _is_other_law(a, item))
-        return _is_of_position(item) and any(a.share > max(item.share, ONE_LAW) for a in others)
+        return _is_of_position(item) and any(a.share > max(item.share, _all_but_all(a)) for a in others)
+
+    def _all_but_all(law: Accepted) -> float:
+        return HOSE if law.candidate.family.effect == CABLE else ONE_LAW
 
     return [item for item in accepted if not is_rest(item)]
 
