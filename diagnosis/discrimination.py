@@ -42,6 +42,8 @@ CLEARANCE = 0.03
 COARSE_RATE = 50.0
 # What a motion shows no more than so many times better than the runs at hand, it is not worth running for.
 BETTER = 2.0
+# Of what is needed, a motion that shows less than this of every effect is not improved to show one.
+HOPEFUL = 0.4
 NO_BETTER = "no motion was found that shows them much better"
 BY_RUNS = "Where the model sets no limit, it keeps to what these runs reached."
 
@@ -77,16 +79,16 @@ def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | Non
     everything = np.ones(len(open_.rivals), dtype=bool)
     now = [judge.of_run(run.logged) for run in diagnosis.prepared.runs]
     limits, by_runs = within_reach(diagnosis.robot.limits, [run.logged for run in diagnosis.prepared.runs])
+    needed = np.full(len(open_.rivals), ENOUGH**2)
+    if not open_.confused:
+        needed = np.maximum(needed, BETTER**2 * np.nan_to_num(np.max(now, axis=0)))
     try:
-        motion, options = _best_motion(diagnosis, limits, judge, seed)
+        motion, options = _best_motion(diagnosis, limits, judge, needed, seed)
     except InputError as error:
         names, least = _names(open_, everything), max(_least(each, everything) for each in now)
         reason = f"no motion could be designed: {error.field} is {error.got}"
         return NextExperiment(why(names, names, None, reason), names, None, 0.0, least, None)
     found = np.nan_to_num(judge.of_motion(motion))
-    needed = np.full(len(found), ENOUGH**2)
-    if not open_.confused:
-        needed = np.maximum(needed, BETTER**2 * np.nan_to_num(np.max(now, axis=0)))
     shown = np.asarray(found >= needed)
     helps = bool(np.any(shown))
     # What a motion does not show is not what it is for.
@@ -124,9 +126,9 @@ def _merit(separations: Array) -> float:
 
 
 def _best_motion(
-    diagnosis: Diagnosis, limits: Limits, judge: Separation, seed: int
+    diagnosis: Diagnosis, limits: Limits, judge: Separation, needed: Array, seed: int
 ) -> tuple[Trajectory, DesignOptions]:
-    """The best motion found, and how it was designed. Raises InputError."""
+    """The best motion found, and how it was designed. needed: (R,) separations. Raises InputError."""
     robot = diagnosis.robot
     require_usable(robot.chain, limits)
     clearance = robot_clearance(robot, CLEARANCE)
@@ -135,6 +137,7 @@ def _best_motion(
     centres = resting_centres(robot.chain, parameters, usable, clearance, seed)
     rng = np.random.default_rng(seed)
     best: tuple[float, Array, FeasibleMotions, DesignOptions] | None = None
+    most = 0.0
     for frequency, harmonics in KINDS:
         options = DesignOptions(
             harmonics=harmonics,
@@ -149,21 +152,22 @@ def _best_motion(
         motions = FeasibleMotions(robot.chain, parameters, usable, basis, clearance, centres)
         for _ in range(DRAWS):
             coefficients = motions.draw(rng)
-            value = _merit(judge.of_motion(basis.trajectory(coefficients)))
+            found = np.nan_to_num(judge.of_motion(basis.trajectory(coefficients)))
+            value, most = _merit(found), max(most, float(np.max(found / needed)))
             if best is None or value > best[0]:
                 best = value, coefficients, motions, options
     assert best is not None
     value, coefficients, motions, options = best
     step = FIRST_STEP
-    for _ in range(IMPROVEMENTS):
+    for _ in range(IMPROVEMENTS if most > HOPEFUL else 0):
         spread = np.sqrt(np.mean(coefficients[1:] ** 2, axis=0))
         trial = coefficients.copy()
         trial[1:] += step * spread * rng.standard_normal(coefficients[1:].shape)
-        found = -np.inf
+        improved = -np.inf
         if _keeps(motions, trial):
-            found = _merit(judge.of_motion(motions.basis.trajectory(trial)))
-        if found > value:
-            value, coefficients = found, trial
+            improved = _merit(judge.of_motion(motions.basis.trajectory(trial)))
+        if improved > value:
+            value, coefficients = improved, trial
             step /= SHRINK
         else:
             step *= SHRINK
