@@ -15,7 +15,7 @@ from .healthy import ELASTIC, is_beyond_healthy, is_plausible
 from .hypothesis import DELAY, Design
 from .likelihood import Weighed, weigh
 from .linearisation import bends_parameters
-from .materiality import SMALLEST_GAIN, SMALLEST_WALD, is_material
+from .materiality import OF_ENCODER, SMALLEST_GAIN, SMALLEST_WALD, is_material
 from .saturation import Cut, saturation
 from .shortlist import choose, refined
 from .swallowed import swallowed
@@ -156,6 +156,9 @@ class Search:
         """A little of one effect and of nothing else, which is not how robots are imperfect."""
         if stage.hypothesis.accepted or not weighed or not self._is_seen(stage, weighed[0]):
             return None
+        # Of a grid the nearest shape has another size.
+        if not self._is_seen(stage, refined(self.sized, stage, weighed[0])):
+            return None
         chosen = choose(self.sized, stage, weighed, weighed)
         if chosen is None or not self._is_seen(stage, chosen[0]):
             return None
@@ -184,7 +187,9 @@ class Search:
         ]
         if not traces:
             return None
-        chosen = choose(self.sized, after, traces, traces)
+        # The other error of its encoder may do as well.
+        encoders = [w.candidate for w in weighed if w.candidate.family.effect in OF_ENCODER]
+        chosen = choose(self.sized, after, traces, weigh(after, Bank(after.ground, encoders)))
         if chosen is None:
             return None
         best, rivals, _ = chosen
