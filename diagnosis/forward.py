@@ -86,10 +86,16 @@ def _chosen(recordings: Mapping[str, Recording]) -> dict[str, Recording]:
     chosen: dict[str, Recording] = {}
     seconds = 0.0
     for name, recording in recordings.items():
-        if _tells_its_loop(recording) and (not chosen or seconds + _length(recording) <= MOST_SECONDS):
+        told = _tells_its_loop(recording) and len(recording.time) > 2 * _edge(recording)
+        if told and (not chosen or seconds + _length(recording) <= MOST_SECONDS):
             chosen[name] = recording
             seconds += _length(recording)
     return chosen
+
+
+def _edge(recording: Recording) -> int:
+    """Samples at either end that the filter leaves out."""
+    return edge_samples(recording.sample_rate, filter_cutoff(recording.sample_rate))
 
 
 def _length(recording: Recording) -> float:
@@ -186,7 +192,7 @@ def _difference(simulated: list[Recording], logged: list[Recording]) -> tuple[Ar
     for model, robot in zip(simulated, logged, strict=True):
         since = robot.time - robot.time[0]
         cutoff = filter_cutoff(robot.sample_rate)
-        trim = edge_samples(robot.sample_rate, cutoff)
+        trim = _edge(robot)
         for ours, theirs, out in (
             (model.position, robot.position, motion),
             (model.torque, robot.torque, torque),

@@ -29,10 +29,11 @@ SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
 # What is left counts without any function to follow where it is this share of the joint's RMS torque, so many
 # times the noise, and this share of what re-identification left.
 MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
-# So does what is this share of the joint's torque, so many times what the joint in the middle of all has, not
-# noise, and this share of what re-identification left: a law that is nearly the robot's leaves less, and a
-# spring's next to nothing.
-STANDING_OUT_TORQUE, STANDING_OUT, STANDING_OUT_LEFT, SPRING_LEFT = 0.03, 3.0, 0.37, 0.12
+# So does what is this share of the joint's torque and so many times what the joint in the middle of all has
+# (or less and more times), not noise, and this share of what re-identification left: a law that is nearly the
+# robot's leaves less, and a spring's next to nothing.
+STANDING_OUT = ((0.03, 3.0), (0.02, 4.0))
+STANDING_OUT_LEFT, SPRING_LEFT = 0.37, 0.12
 # And what is slow, where it is this share of the joint's torque: no healthy joint leaves so much but noise.
 # Half as much must be left of all runs together, or one run only tells what the others do not.
 STRUCTURE, FITTED_STRUCTURE, SLOW = 0.04, 0.02, 0.5
@@ -161,7 +162,10 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     relative, noise = _relative(last), _rms(last) / noise_rms(last.prepared)
     left = share_left(first, last)
     unfit = (relative > MISFIT_TORQUE) & (left > MISFIT_LEFT)
-    stands_out = (relative > STANDING_OUT_TORQUE) & (relative > STANDING_OUT * np.median(relative))
+    middle = float(np.median(relative))
+    stands_out = np.any(
+        [(relative > least) & (relative > times * middle) for least, times in STANDING_OUT], axis=0
+    )
     sprung = {each.family.joint for each in last.hypothesis.accepted if each.family.effect in SPRINGS}
     most = np.where([joint in sprung for joint in range(len(left))], SPRING_LEFT, STANDING_OUT_LEFT)
     # What is worse than without any effect says nothing of the robot.
