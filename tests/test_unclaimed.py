@@ -21,7 +21,7 @@ from testbench.effects.logged import logged_run
 
 from .certain_gain import certain, squares
 from .diagnosed import measured_only, simulated_runs
-from .small_arm import small_arm
+from .small_arm import SCARA, small_arm
 
 SLOWER = 20
 
@@ -40,6 +40,20 @@ def test_what_is_slow_and_large_is_unknown_though_every_joint_has_as_much(tmp_pa
     fault = parse_injection(arm, f"joint_elasticity:shoulder:stiffness={stiffness},damping=4")
     found, _ = _unclaimed(arm, simulated_runs(arm, [fault], runs=3))
     assert ((0, NOTHING) in [(each.joint, each.regime) for each in found]) == expected
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.026, True), (0.016, False)])
+def test_a_little_that_stands_out_far_and_is_slow_is_unknown(tmp_path, share, expected):
+    arm = small_arm(tmp_path, SCARA)
+    runs, rng = simulated_runs(arm, [], runs=3), np.random.default_rng(1)
+    for name, run in runs.items():
+        knots = np.arange(run.time[0], run.time[-1] + 0.2, 0.2)
+        wandering = CubicSpline(knots, rng.normal(size=len(knots)))(run.time)
+        torque = run.torque.copy()
+        torque[:, 1] += share * np.std(torque[:, 1]) * wandering / np.std(wandering)
+        runs[name] = replace(run, torque=torque)
+    found, _ = _unclaimed(arm, runs)
+    assert [(each.joint, each.regime) for each in found] == ([(1, NOTHING)] if expected else [])
 
 
 def test_noise_is_nothing_however_large(tmp_path):
