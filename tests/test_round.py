@@ -10,6 +10,7 @@ from diagnosis.likelihood import weigh
 from diagnosis.preparation import prepare
 from diagnosis.round import Found, Search
 from diagnosis.weighing import Stage
+from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs
 from .small_arm import small_arm
@@ -47,3 +48,22 @@ def test_a_trace_of_what_bends_all_parameters_is_certain_where_the_runs_agree(
     monkeypatch.setattr(Fit, "wald_by_folds", lambda *_: by_folds)
     found = Found(best, (), stage.with_effects([best.candidate]), is_trace)
     assert found.is_certain(stage) == expected
+
+
+def test_a_trace_of_one_error_of_an_encoder_is_held_against_its_other(tmp_path, monkeypatch):
+    arm = small_arm(tmp_path)
+    offset = parse_injection(arm, "encoder_offset:shoulder:offset=0.03")
+    prepared = prepare(arm, simulated_runs(arm, [offset], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    names = ["encoder_offset", "encoder_eccentricity", "torque_gain_error"]
+    weighed = weigh(stage, Bank(stage.ground, candidates(prepared, only=names)))
+    own = [each for each in weighed if each.candidate.place == ("encoder_offset", 0, None)]
+    listed = []
+
+    def chosen(robot, stage, material, open_):
+        listed.extend(each.candidate.family.effect for each in open_)
+
+    monkeypatch.setattr("diagnosis.round.swallowed", lambda *_: (stage, own))
+    monkeypatch.setattr("diagnosis.round.choose", chosen)
+    assert Search(stage, arm, [], ())._trace(stage, weighed) is None
+    assert set(listed) == {"encoder_offset", "encoder_eccentricity"}
