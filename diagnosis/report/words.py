@@ -11,6 +11,8 @@ from testbench.robot import Robot
 
 from ..findings import Diagnosis, NamedEffect
 
+# The times of a push, of which there may be many.
+INTERVALS = "intervals"
 # What would be 0 %.
 LEAST_SHOWN = 0.005
 
@@ -38,20 +40,42 @@ def quantity(value: Quantity) -> str:
     """A value with its standard deviation and unit."""
     unit = "" if value.unit == "-" else f" {value.unit}"
     if isinstance(value.value, tuple) and isinstance(value.std, tuple):
-        parts = [
-            f"{significant(v, 3)} ± {significant(s, 2)}" for v, s in zip(value.value, value.std, strict=True)
-        ]
+        parts = [f"{_known(v, s)} ± {significant(s, 2)}" for v, s in zip(value.value, value.std, strict=True)]
         return f"({', '.join(parts)}){unit}"
     if isinstance(value.value, tuple) or isinstance(value.std, tuple):
         raise ValueError("value and std of a quantity must have the same components")
     deviation = f" ± {significant(value.std, 2)}" if value.std > 0 else ""
-    return f"{significant(value.value, 3)}{deviation}{unit}"
+    return f"{_known(value.value, value.std)}{deviation}{unit}"
+
+
+def _known(value: float, deviation: float) -> str:
+    """A number to three digits, or to the first of its deviation where that is more."""
+    digits = 3
+    if deviation > 0 and np.isfinite(value) and np.isfinite(deviation) and value != 0:
+        digits = max(digits, _power_of_ten(value) - _power_of_ten(deviation) + 1)
+    return significant(value, digits)
+
+
+def _power_of_ten(value: float) -> int:
+    return int(np.floor(np.log10(abs(value))))
+
+
+def _spans(times: Quantity) -> str:
+    """Start and end of each interval, s, which are known alike."""
+    assert isinstance(times.value, tuple)
+    assert isinstance(times.std, tuple)
+    ends = [_known(v, s) for v, s in zip(times.value, times.std, strict=True)]
+    spans = [f"{first} to {last}" for first, last in zip(ends[::2], ends[1::2], strict=True)]
+    return f"{', '.join(spans)} {times.unit} (each ± {significant(max(times.std, default=0.0), 2)})"
 
 
 def parameters(named: NamedEffect) -> str:
     """All parameters of a named effect on one line, after its law where that is not the effect's first."""
     law = named.candidate.member.law
-    values = [f"{name.replace('_', ' ')} {quantity(value)}" for name, value in named.parameters.items()]
+    values = [
+        f"{name.replace('_', ' ')} {_spans(value) if name == INTERVALS else quantity(value)}"
+        for name, value in named.parameters.items()
+    ]
     return ("" if law is None else f"{law.replace('_', ' ')}, ") + ", ".join(values)
 
 
