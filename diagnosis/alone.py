@@ -38,8 +38,8 @@ def is_alone(
 ) -> bool:
     """Whether what a stage has found is too much for a robot that has nothing else but what has a name.
 
-    robot: that sizes are relative to. coefficients: (k,) as fitted in full. before: what was taken in, at its
-    joint nothing. rest: what is left to explain.
+    robot: that sizes are relative to. coefficients: (k,) as fitted in full. before: what was taken in; at its
+    joint nothing may be. rest: what is left to explain.
     """
     family = best.candidate.family
     if family.effect == DELAY:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from testbench.effects import effect
+from testbench.effects.signature import Quantity
 from testbench.findings import significant
 
 from ..report import words
@@ -71,9 +72,6 @@ def estimated(named: Mapping[str, Any]) -> str:
         if not isinstance(value, Mapping):
             told.append(f"{name} {value}")
         elif isinstance(value["value"], float):
-            unit = "" if value["unit"] == "-" else f" {value['unit']}"
-            told.append(
-                f"{name.replace('_', ' ')} {significant(value['value'], 3)} ± "
-                f"{significant(value['std'], 2)}{unit}"
-            )
+            known = Quantity(value["value"], value["std"], value["unit"])
+            told.append(f"{name.replace('_', ' ')} {words.quantity(known)}")
     return f"{labelled(Place(named['effect'], named['joint']))}: {', '.join(told)}"
