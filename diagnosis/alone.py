@@ -11,13 +11,14 @@ from .accepted import Accepted
 from .healthy import BENDING, RIPPLE, SPRING, WARMING, times_healthy
 from .hypothesis import DELAY
 from .likelihood import Weighed
-from .materiality import BEYOND
+from .materiality import BEYOND, SMALLEST_WALD
 from .weighing import Stage
 
 Array = NDArray[np.float64]
 
-# Beside one that is alone nothing gains more than this share of what it does.
-BESIDE_ALONE = 0.4
+# Beside one that is alone nothing gains more than this share of what it does, and there is nothing certain at
+# more other joints than so many.
+BESIDE_ALONE, MOST_JOINTS = 0.4, 2
 # Of these every joint of an imperfect robot has a little. One that gains this log-likelihood alone, and has
 # so much of a healthy size, is no imperfection.
 LEAST_ALONE = 40.0
@@ -41,32 +42,61 @@ def is_alone(
     robot: that sizes are relative to. coefficients: (k,) as fitted in full. before: what was taken in; at its
     joint nothing may be. rest: what is left to explain.
     """
-    family = best.candidate.family
-    if family.effect == DELAY:
-        return not before and is_late_alone(stage, rest)
-    if family.effect not in OF_EVERY_JOINT or best.score < LEAST_ALONE or not is_most(best, rest):
+    if best.candidate.family.effect == DELAY:
+        return are_joints_own(before) and is_late_alone(stage, rest)
+    if not is_enough_alone(robot, stage, best, coefficients) or not is_most(best, rest):
         return False
-    places = {place for each in before for place in (each.candidate.family.joint, each.candidate.family.into)}
     nameless = max((each.score for each in before if not each.named), default=0.0)
-    if family.joint in places or nameless >= BESIDE_ALONE * best.score:
+    return is_elsewhere(best, before) and nameless < BESIDE_ALONE * best.score
+
+
+def is_enough_alone(robot: Robot, stage: Stage, best: Weighed, coefficients: Array) -> bool:
+    """Whether it is more of what every joint has a little of than an imperfection alone would be."""
+    effect = best.candidate.family.effect
+    if effect not in OF_EVERY_JOINT or best.score < LEAST_ALONE:
         return False
     times = times_healthy(robot, stage.ground.torque_rms, best.candidate, coefficients)
-    return times > OF_EVERY_JOINT[family.effect]
+    return times > OF_EVERY_JOINT[effect]
+
+
+def are_joints_own(before: Sequence[Accepted]) -> bool:
+    """Whether all that was taken in has a name and a joint; of the whole robot a rest may be anywhere."""
+    return all(
+        each.named and each.candidate.family.joint is not None and not each.candidate.is_event
+        for each in before
+    )
+
+
+def is_elsewhere(best: Weighed, before: Sequence[Accepted]) -> bool:
+    """Whether nothing that was taken in is at its joints."""
+    taken = {place for each in before for place in (each.candidate.family.joint, each.candidate.family.into)}
+    family = best.candidate.family
+    if family.joint is None:
+        return not before
+    return family.joint not in taken and (family.into is None or family.into not in taken)
 
 
 def is_most(best: Weighed, rest: Sequence[Weighed]) -> bool:
-    """Whether nothing beside it gains nearly as much. rest: what is left to explain."""
+    """Whether nothing beside it gains nearly as much, nor is there a little of something at most joints.
+
+    rest: what is left to explain.
+    """
+    joints = {w.candidate.family.joint for w in rest if w.gain.wald > SMALLEST_WALD and w.score > 0}
+    if len(joints - {None, best.candidate.family.joint}) > MOST_JOINTS:
+        return False
     return max((each.score for each in rest), default=0.0) < BESIDE_ALONE * best.score
 
 
-def is_late_alone(stage: Stage, weighed: Sequence[Weighed]) -> bool:
+def is_late_alone(stage: Stage, rest: Sequence[Weighed]) -> bool:
     """Whether a robot without imperfections has its torque act later than the timing of any log has it.
 
-    stage: without a delay. weighed: of all effects.
+    stage: without a delay. rest: what is left to explain beside it, or beside the timing.
     """
-    others = [each for each in weighed if each.candidate.family.effect != DELAY]
-    if any(each.gain.wald > BY_CHANCE for each in others):
-        return False
+    return is_late(stage) and all(each.gain.wald <= BY_CHANCE for each in rest)
+
+
+def is_late(stage: Stage) -> bool:
+    """Whether the torque acts later than the timing of any log has it. stage: without a delay."""
     timing = stage.hypothesis.timing
     deviation = float(np.sqrt(stage.fitted.covariance[timing, timing]))
     # What acts after the sample that reports it seems to be logged early.

@@ -11,7 +11,7 @@ from testbench.effects.external_contact import pushes, windows, withstood
 from testbench.effects.logged import Logged
 
 from .bank import Bank
-from .candidates import Candidate, Place, in_parallel
+from .candidates import SATURATION, Candidate, Place, in_parallel
 from .evidence import Fit, squares, standard_values
 from .hypothesis import Design
 from .likelihood import Weighed, log_of_squares, odds
@@ -21,7 +21,7 @@ from .weighing import Gain, Stage
 Array = NDArray[np.float64]
 
 # Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
-# residual; named where it explains as much.
+# residual beyond noise; named where it explains as much.
 BURST_TIME, BURST, BURST_SHARE, SMALLEST_SHARE = 0.1, 20, 0.5, 0.6
 # Or so much of it, where it is one joint alone that it explains: that may be anything that passes quickly.
 ALONE = 0.8
@@ -29,6 +29,8 @@ ALONE = 0.8
 BURST_HEIGHT = 0.04
 # And what it holds is this share of the joint's RMS torque over all the time.
 BURST_TORQUE = 0.01
+# Noise is what the block in the middle has: the highest is so many times that, and each of a burst so many.
+BURST_HEIGHT_NOISE, BEYOND_NOISE = 8.0, 3.0
 # Share of the joint's squared residual from which a function of the motion is the cause.
 FORETOLD = 0.25
 # And share that one fits of it, though it does not foretell it: runs may reach different places.
@@ -61,7 +63,9 @@ def contact(
     foretold = foretold_shares(stage, free)
     fitted = fitted_shares(stage, free)
     bursts = _in_bursts(stage)
-    pushed = [j for j in bursts if foretold[j] < FORETOLD and fitted[j] < FITTED]
+    # What a limit that clips softly leaves is in bursts, too.
+    clipped = {c.family.joint for c in stage.hypothesis.accepted if c.family.effect == SATURATION}
+    pushed = [j for j in bursts if foretold[j] < FORETOLD and fitted[j] < FITTED and j not in clipped]
     if not pushed:
         return None
     # A force loads the joints before its link, though perhaps with no arm on the last, and none after it.
@@ -76,7 +80,7 @@ def contact(
         for link in links
         for gain in _of_each_load(stage, in_parallel(stage.prepared, [partial(pushes, logged, link, events)]))
     ]
-    before = squares(stage.fitted.residual)
+    before, noise = squares(stage.fitted.residual), _noise_squares(stage)
     most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
     likeliest: dict[int, tuple[Weighed, tuple[Design, Fit]]] = {}
     for gain in _worth_a_fit(gains):
@@ -84,7 +88,7 @@ def contact(
         left = squares(trial[1].residual) / np.maximum(before, 1e-300)
         weighed = Weighed(gain, log_of_squares(stage.independent, left) - gain.candidate.count)
         assert link is not None
-        explained = 1 - left
+        explained = _explained(before, squares(trial[1].residual), noise)[list(bursts)]
         if explained.max() <= (SMALLEST_SHARE if np.sum(explained > SMALLEST_SHARE) > 1 else ALONE):
             continue
         if not _is_bearable(gain.candidate, trial[1].values[-gain.candidate.count :], most):
@@ -111,9 +115,14 @@ def is_in_bursts_at_several(stage: Stage) -> bool:
 
 def explains_all_bursts(stage: Stage, pushed: Fit) -> bool:
     """Whether a push explains all that is left in bursts."""
-    bursts = list(_in_bursts(stage))
-    left = squares(pushed.residual) / np.maximum(squares(stage.fitted.residual), 1e-300)
-    return bool(np.all(left[bursts] < 1 - SMALLEST_SHARE))
+    before, after = squares(stage.fitted.residual), squares(pushed.residual)
+    explained = _explained(before, after, _noise_squares(stage))
+    return bool(np.all(explained[list(_in_bursts(stage))] > SMALLEST_SHARE))
+
+
+def _explained(before: Array, after: Array, noise: Array) -> Array:
+    """Share of each joint's squared residual beyond noise that a push explains, (n,)."""
+    return (before - after) / np.maximum(before - noise, 1e-300)
 
 
 def _of_each_load(stage: Stage, tried: Sequence[Candidate]) -> list[Gain]:
@@ -178,20 +187,41 @@ def _where_told(logged: Logged, kept: NDArray[np.int64], used: NDArray[np.bool_]
 
 
 def _in_bursts(stage: Stage) -> dict[int, set[tuple[int, int]]]:
-    """The joints at which a small part of the time holds most of the residual, and no small one.
+    """The joints at which a small part of the time holds most of the residual beyond noise, and no small one.
 
     And when: runs and numbers of the blocks that hold the most of it.
     """
     found = {}
     for joint in range(stage.prepared.joints):
-        blocks = {
-            (run, first): float(np.mean(residual[first : first + BURST, joint] ** 2))
-            for run, residual in enumerate(stage.fitted.residual)
-            for first in range(0, len(residual) - BURST, BURST)
-        }
+        blocks = _blocks(stage, joint)
+        noise = float(np.median(list(blocks.values()), axis=0))
         largest = sorted(blocks, key=lambda place: -blocks[place])[: max(round(BURST_TIME * len(blocks)), 1)]
-        burst = sum(blocks[place] for place in largest)
+        burst = sum(blocks[place] - noise for place in largest)
         enough = (BURST_TORQUE * stage.ground.torque_rms[joint]) ** 2 * len(blocks)
-        if burst > BURST_SHARE * sum(blocks.values()) and burst > enough:
-            found[joint] = {place for place in largest if blocks[place] > BURST_HEIGHT * blocks[largest[0]]}
+        beyond = sum(blocks.values()) - noise * len(blocks)
+        if (
+            burst > BURST_SHARE * beyond
+            and burst > enough
+            and blocks[largest[0]] > BURST_HEIGHT_NOISE * noise
+        ):
+            least = max(BURST_HEIGHT * blocks[largest[0]], BEYOND_NOISE * noise)
+            found[joint] = {place for place in largest if blocks[place] > least}
     return found
+
+
+def _blocks(stage: Stage, joint: int) -> dict[tuple[int, int], float]:
+    """Mean square of a joint's residual in each block of the runs."""
+    return {
+        (run, first): float(np.mean(residual[first : first + BURST, joint] ** 2))
+        for run, residual in enumerate(stage.fitted.residual)
+        for first in range(0, len(residual) - BURST, BURST)
+    }
+
+
+def _noise_squares(stage: Stage) -> Array:
+    """What of each joint's squared residual would be there without any burst, (n,)."""
+    joints = range(stage.prepared.joints)
+    middle = [float(np.median(list(_blocks(stage, joint).values()))) for joint in joints]
+    total = squares(stage.fitted.residual)
+    samples = sum(len(run) for run in stage.fitted.residual)
+    return np.minimum(np.array(middle) * samples, total)

@@ -32,6 +32,7 @@ RELINEARISED = (
     "base_tilt",
     "torque_gain_error",
     DELAY,
+    "actuator_lag",
     "thermal_friction_drift",
 )
 # Timing errors from which on a delay may have bent all parameters, in the prior's deviations.

@@ -64,14 +64,30 @@ SECOND_TOLD: Mapping[str, tuple[float, float, float]] = {
 # like springs and bristles of any size, but not like these.
 SECOND_LITTLE, SECOND_BEYOND = 0.005, 1.5
 # Every arm has cables: one that is no more than this share of what is left is certainly so many times a
-# healthy one, or has no name.
-CABLE_LEFT, CABLE_BEYOND = 0.6, 1.2
+# healthy one, or has no name; nor has one of less than this share of the joint's RMS torque, unless what the
+# parameters swallow of it spares them a shift of this log-likelihood.
+CABLE_LEFT, CABLE_BEYOND, CABLE_TORQUE, CABLE_SHIFT = 0.6, 1.2, 0.015, 5.0
 # And the share of what is left there when it is taken in, or that multiple of log-likelihood: imperfections
 # that are no smaller would not let it be told from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
 # Or, of friction that its joint's parameters swallow, this share of what is left, and certainly so many times
 # a healthy joint's.
 SECOND_SWALLOWED, SECOND_FAR_BEYOND = 0.3, 3.0
+# Or a shift of the parameters of this log-likelihood that it spares, as no law's rest does, where it is
+# certainly so many times beyond a healthy one; or a gain error, of so many, beside friction of these laws,
+# whose rests are no part of all torque.
+SECOND_SHIFT = 15.0
+GAIN, BESIDE_GAIN = (
+    "torque_gain_error",
+    (
+        "stribeck_friction",
+        "asymmetric_friction",
+        "nonlinear_viscous_friction",
+        "thermal_friction_drift",
+        "presliding_hysteresis",
+        RIPPLE,
+    ),
+)
 # But none of them looks like these; bristles are held against those of the other joints.
 UNLIKE = ("thermal_friction_drift", "encoder_eccentricity", BRISTLES)
 # Wald's statistic of an imperfection: what has less predicts well by chance.
@@ -185,6 +201,9 @@ def is_main(
         # At a coupling's other joint it must be as much as anywhere, too.
         if family.joint in named or not is_second:
             return is_second
+        # But no law of speeds leaves a spring.
+        if family.effect in SPRINGS and _is_certainly_beyond(robot, stage, gain, SECOND_BEYOND):
+            return True
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True
     if family.effect in UNLIKE or _is_large(robot, stage, best):
@@ -196,8 +215,11 @@ def is_main(
 
 
 def _is_any_cable(robot: Robot, stage: Stage, gain: Gain) -> bool:
-    """Whether it is neither most of what is left at its joint nor certainly beyond every arm's cables."""
-    left = float(stage.shares(gain)[gain.candidate.family.joint])
+    """Whether it is little, or neither most of what is left at its joint nor certainly beyond every arm's."""
+    joint = gain.candidate.family.joint
+    if stage.torque_shares(gain)[joint] < CABLE_TORQUE and gained_by_shift(stage, gain) < CABLE_SHIFT:
+        return True
+    left = float(stage.shares(gain)[joint])
     return left < CABLE_LEFT and not _is_certainly_beyond(robot, stage, gain, CABLE_BEYOND)
 
 
@@ -226,6 +248,11 @@ def _is_no_rest(robot: Robot, stage: Stage, gain: Gain, firsts: Sequence[Candida
     is_swallowed = family.effect in (*SWALLOWED_FRICTION, BENDING)
     seen = is_swallowed and torque > LITTLE_TORQUE and left > SECOND_SWALLOWED
     if seen and _is_certainly_beyond(robot, stage, gain, SECOND_FAR_BEYOND):
+        return True
+    beside = {each.family.effect for each in firsts if family.joint in (each.family.joint, each.family.into)}
+    is_apart = gained_by_shift(stage, gain) > SECOND_SHIFT
+    is_apart |= family.effect == GAIN and beside <= set(BESIDE_GAIN)
+    if is_apart and _is_certainly_beyond(robot, stage, gain, SECOND_BEYOND):
         return True
     may_be_rest = family.effect in (*SPRINGS, BRISTLES)
     large = not may_be_rest and _is_certainly_beyond(robot, stage, gain, SECOND_BEYOND)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .accepted import Accepted
-from .alone import is_alone
+from .alone import OF_EVERY_JOINT, is_alone
 from .candidates import SATURATION
 from .evidence import Fit, fitted_to, squares
 from .findings import Gap
@@ -103,7 +103,7 @@ def judged_again(
 def told_apart_at_last(
     last: Stage, sized: Robot, accepted: Sequence[Accepted], rest: Sequence[Weighed]
 ) -> list[Accepted]:
-    """What was no larger than effects that were taken in after it, judged beside those.
+    """What was no larger than effects that were taken in after it, or not alone before, judged beside those.
 
     rest: as of ``accepted_as``.
     """
@@ -113,7 +113,10 @@ def told_apart_at_last(
         for place, (item, own) in enumerate(zip(accepted, last.hypothesis.parts, strict=True))
         if not (item.named or item.is_everywhere or item.is_trace)
         and item.is_certain
-        and is_beyond_healthy(sized, base.torque_rms, item.candidate, values[own])
+        and (
+            item.candidate.family.effect in OF_EVERY_JOINT
+            or is_beyond_healthy(sized, base.torque_rms, item.candidate, values[own])
+        )
     ]
     apart = _of_robots(base, accepted) if hidden else last
     for place in hidden:

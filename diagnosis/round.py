@@ -6,14 +6,15 @@ from functools import cache, partial
 
 from testbench.robot import Robot
 
-from .alone import is_late_alone, is_most
+from .accepted import Accepted
+from .alone import are_joints_own, is_elsewhere, is_enough_alone, is_late, is_late_alone, is_most
 from .bank import Bank
 from .candidates import EVENT, SATURATION
 from .contact import contact, explains_all_bursts, is_in_bursts_at_several
 from .evidence import Fit
 from .healthy import ELASTIC, is_beyond_healthy, is_plausible
 from .hypothesis import DELAY, Design
-from .likelihood import Weighed, weigh
+from .likelihood import Weighed, gained_by_shift, weigh
 from .linearisation import bends_parameters
 from .materiality import OF_ENCODER, SMALLEST_GAIN, SMALLEST_WALD, is_material
 from .saturation import Cut, saturation
@@ -24,8 +25,9 @@ from .weighing import Gain, Stage
 
 # What all runs together fit as nothing, by Wald's statistic, is nothing, whatever parts of them foretell.
 AS_NOTHING = 1.0
-# Four standard deviations of what shows in the parameters' shift, which tells beside them.
-SWALLOWED_WALD = 16.0
+# Four standard deviations of what shows in the parameters' shift, by this log-likelihood, which tells beside
+# them.
+SWALLOWED_WALD, SWALLOWED_SHIFT = 16.0, 1.5
 # A spring's column has a coefficient of one where its shape is right. With less than this it is another's,
 # which a little of its resonance happens to look like.
 LEAST_SPRING = 0.15
@@ -69,7 +71,9 @@ class Found:
             # What makes up for a misfit has another size without one run or another: by both variances' mean.
             by_folds = fitted.wald_by_folds(own)
             wald = 2 * wald * by_folds / (wald + by_folds)
-        return bool(wald > (SWALLOWED_WALD if family.swallowed else SMALLEST_WALD))
+        # A trace is told by all that the parameters say.
+        shifts = self.is_trace or gained_by_shift(stage, self.best.gain) > SWALLOWED_SHIFT
+        return bool(wald > (SWALLOWED_WALD if family.swallowed and shifts else SMALLEST_WALD))
 
 
 @dataclass(frozen=True)
@@ -104,10 +108,12 @@ class Search:
             and is_plausible(self.sized, w.candidate, w.gain.coefficients)
         ]
 
-    def round(self, stage: Stage, weighed: Sequence[Weighed], free: Bank) -> Found | None:
+    def round(
+        self, stage: Stage, weighed: Sequence[Weighed], free: Bank, before: Sequence[Accepted] = ()
+    ) -> Found | None:
         """What explains most: a material effect or a limit; else a push; else a trace of what is swallowed.
 
-        weighed: of ``open``. free: candidates of generic.py.
+        weighed: of ``open``. free: candidates of generic.py. before: what was taken in.
         """
         most = weighed[0].score if weighed else 0.0
         # It takes longer than all else: sought where something comes of it, and once.
@@ -135,7 +141,11 @@ class Search:
         if unclaimed(self.first, stage, free):
             # What has no name leaves traces of all kinds.
             return None
-        return self._late(stage, weighed) or self._trace(stage, weighed) or self._alone(stage, weighed)
+        return (
+            self._late(stage, weighed, before)
+            or self._trace(stage, weighed)
+            or self._alone(stage, weighed, before)
+        )
 
     def push(self, stage: Stage, free: Bank) -> Found | None:
         """A push of the surroundings, the only one."""
@@ -144,17 +154,24 @@ class Search:
         found = contact(stage, free)
         return None if found is None else Found(*found)
 
-    def _late(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
+    def _late(self, stage: Stage, weighed: Sequence[Weighed], before: Sequence[Accepted]) -> Found | None:
         """A delay that the timing of the log makes up for, of a robot without any imperfection."""
         delay = next((w for w in weighed if w.candidate.family.effect == DELAY), None)
-        if delay is None or stage.hypothesis.accepted or not is_late_alone(stage, weighed):
+        if delay is None or not are_joints_own(before) or not is_late(stage):
             return None
         best = refined(self.sized, stage, delay)
-        return Found(best, (), stage.with_effects([best.candidate]))
+        trial = stage.with_effects([best.candidate])
+        # What only seems to be there for want of the delay is none.
+        others = [w.candidate for w in weighed if w is not delay]
+        if not is_late_alone(stage, weigh(Stage(stage.ground, *trial), Bank(stage.ground, others))):
+            return None
+        return Found(best, (), trial)
 
-    def _alone(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
+    def _alone(self, stage: Stage, weighed: Sequence[Weighed], before: Sequence[Accepted]) -> Found | None:
         """A little of one effect and of nothing else, which is not how robots are imperfect."""
-        if stage.hypothesis.accepted or not weighed or not self._is_seen(stage, weighed[0]):
+        if not are_joints_own(before) or not weighed or not self._is_seen(stage, weighed[0]):
+            return None
+        if not is_elsewhere(weighed[0], before):
             return None
         # Of a grid the nearest shape has another size.
         if not self._is_seen(stage, refined(self.sized, stage, weighed[0])):
@@ -169,12 +186,15 @@ class Search:
         return Found(best, rivals, trial, is_trace=True)
 
     def _is_seen(self, stage: Stage, weighed: Weighed) -> bool:
-        """Whether it is there for certain, more of it than a healthy robot has, and shows in the torque."""
+        """Whether it is there for certain, more than a healthy robot alone has, and shows in the torque."""
         gain, torque_rms = weighed.gain, stage.ground.torque_rms
         if weighed.score < SMALLEST_GAIN or gain.wald < SMALLEST_WALD:
             return False
-        seen = float(stage.torque_shares(gain).max()) > SEEN_ALONE
-        return seen and is_beyond_healthy(self.sized, torque_rms, gain.candidate, gain.coefficients)
+        if float(stage.torque_shares(gain).max()) <= SEEN_ALONE:
+            return False
+        if is_enough_alone(self.sized, stage, weighed, gain.coefficients):
+            return True
+        return is_beyond_healthy(self.sized, torque_rms, gain.candidate, gain.coefficients)
 
     def _trace(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
         """What re-identification swallows, beyond what healthy robots have of it."""

@@ -1,9 +1,14 @@
 """What is small has a name where nothing else is seen at any joint: robots are imperfect everywhere."""
 
+from dataclasses import replace
+
 import pytest
 
+from diagnosis.alone import is_most
 from diagnosis.diagnose import diagnose
+from diagnosis.likelihood import Weighed
 from testbench.effects import parse_injection
+from tests.certain_gain import certain, healthy_stage, squares
 from tests.diagnosed import simulated_runs
 from tests.small_arm import small_arm
 
@@ -31,3 +36,17 @@ def test_a_small_effect_has_a_name_where_nothing_else_is_seen(tmp_path, effects,
     arm = small_arm(tmp_path)
     runs = simulated_runs(arm, [parse_injection(arm, text) for text in effects], runs=3)
     assert [each.effect for each in diagnose(arm, runs).effects] == named
+
+
+@pytest.mark.parametrize(
+    ("joints", "wald", "expected"), [((1, 2), 30.0, True), ((1, 2, 3), 30.0, False), ((1, 2, 3), 20.0, True)]
+)
+def test_nothing_is_alone_where_most_joints_have_a_little_of_something(tmp_path, joints, wald, expected):
+    stage, (own, _) = healthy_stage(small_arm(tmp_path), "transmission_ripple")
+    squared = squares(stage, 0.01)
+    best = Weighed(certain(stage, own, 1.0, squared), 600.0)
+    rest = []
+    for joint in joints:
+        there = replace(own, family=replace(own.family, joint=joint))
+        rest.append(Weighed(replace(certain(stage, own, 1.0, squared, wald), candidate=there), 100.0))
+    assert is_most(best, rest) == expected

@@ -9,7 +9,7 @@ import pytest
 from diagnosis.attribution import attribute
 from diagnosis.bank import Bank
 from diagnosis.contact import contact, explains_all_bursts
-from diagnosis.evidence import fitted_to
+from diagnosis.evidence import fitted_to, squares
 from diagnosis.generic import generic_candidates
 from diagnosis.ground import ground
 from diagnosis.preparation import Prepared, prepare
@@ -56,6 +56,20 @@ def test_a_push_less_than_a_third_as_hard_in_another_run_is_fitted_too(tmp_path)
     found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
     assert found is not None
     assert [bool(columns.any()) for columns in found[0].gain.candidate.member.columns] == [False, True, True]
+
+
+def test_a_push_is_held_against_noise_no_more_than_there_is(tmp_path):
+    arm = small_arm(tmp_path)
+    weak = parse_injection(arm, PUSH.replace("torque=20", "torque=4"))
+    runs = simulated_runs(arm, [], runs=3, noise=0.15)
+    runs["run_2"] = simulated_runs(arm, [weak], runs=3, noise=0.15)["run_2"]
+    prepared = prepare(arm, runs)
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    assert found is not None
+    # Of all that is left it explains little, and of what is no noise all.
+    left = squares(found[2][1].residual) / squares(stage.fitted.residual)
+    assert left.min() > 0.3
 
 
 def test_a_push_is_seen_where_friction_near_rest_leaves_more_than_it(tmp_path):

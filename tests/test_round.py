@@ -1,5 +1,7 @@
 """What may be taken in at all, and what of it is certain."""
 
+from dataclasses import replace
+
 import pytest
 
 from diagnosis.bank import Bank
@@ -28,17 +30,20 @@ def test_what_all_runs_together_fit_as_nothing_is_not_open(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("is_trace", "by_all_runs", "by_folds", "expected"),
+    ("is_trace", "by_all_runs", "by_folds", "shift", "expected"),
     [
-        (True, 20.0, 15.0, True),
-        (True, 13.0, 60.0, True),
-        (True, 15.0, 15.0, False),
-        (True, 20.0, 9.0, False),
-        (False, 20.0, 9.0, True),
+        (True, 20.0, 15.0, 0.0, True),
+        (True, 13.0, 60.0, 0.0, True),
+        (True, 15.0, 15.0, 0.0, False),
+        (True, 20.0, 9.0, 0.0, False),
+        # Else four deviations are enough where the parameters say so too.
+        (False, 20.0, 9.0, 2.0, True),
+        (False, 20.0, 9.0, 0.0, False),
+        (False, 30.0, 9.0, 0.0, True),
     ],
 )
-def test_a_trace_of_what_bends_all_parameters_is_certain_where_the_runs_agree(
-    tmp_path, monkeypatch, is_trace, by_all_runs, by_folds, expected
+def test_what_bends_all_parameters_is_certain_where_the_runs_agree_or_the_parameters_say_so(
+    tmp_path, monkeypatch, is_trace, by_all_runs, by_folds, shift, expected
 ):
     arm = small_arm(tmp_path)
     prepared = prepare(arm, simulated_runs(arm, [], runs=3))
@@ -46,6 +51,7 @@ def test_a_trace_of_what_bends_all_parameters_is_certain_where_the_runs_agree(
     best = weigh(stage, Bank(stage.ground, candidates(prepared, only=["encoder_offset"])))[0]
     monkeypatch.setattr(Fit, "wald", lambda *_: by_all_runs)
     monkeypatch.setattr(Fit, "wald_by_folds", lambda *_: by_folds)
+    best = replace(best, gain=replace(best.gain, prior=stage.prior + shift))
     found = Found(best, (), stage.with_effects([best.candidate]), is_trace)
     assert found.is_certain(stage) == expected
 

@@ -117,10 +117,60 @@ def test_an_elasticity_beside_a_play_of_its_joint_is_most_of_what_that_leaves(
 
 
 @pytest.mark.parametrize(
-    ("times", "left", "expected"), [(2.0, 0.25, True), (1.3, 0.25, False), (1.3, 0.9, True)]
+    ("times", "torque", "left", "shift", "expected"),
+    [
+        (2.0, 0.02, 0.25, 0.0, True),
+        (1.3, 0.02, 0.25, 0.0, False),
+        (1.3, 0.02, 0.9, 0.0, True),
+        # Of little torque, what the parameters swallow of it must tell.
+        (2.0, 0.01, 0.9, 0.0, False),
+        (2.0, 0.01, 0.9, 8.0, True),
+    ],
 )
-def test_a_cable_that_is_little_of_the_rest_is_beyond_what_every_arm_has(tmp_path, times, left, expected):
+def test_a_cable_that_is_little_of_the_rest_or_of_the_torque_is_beyond_what_every_arm_has(
+    tmp_path, times, torque, left, shift, expected
+):
     arm = small_arm(tmp_path)
     stage, (own, _) = healthy_stage(arm, "cable_spring")
-    gain = replace(_of_size(arm, stage, own, times, 0.005, left), overlap=0.99)
+    gain = _of_size(arm, stage, own, times, torque, left)
+    gain = replace(gain, overlap=0.99, prior=stage.prior + shift)
     assert _is_named(arm, stage, gain, [], before=1.0) == expected
+
+
+@pytest.mark.parametrize(
+    ("times", "shift", "expected"), [(2.0, 20.0, True), (2.0, 10.0, False), (1.6, 20.0, False)]
+)
+def test_a_shift_of_the_parameters_tells_a_second_effect_from_the_firsts_rest(
+    tmp_path, times, shift, expected
+):
+    arm = small_arm(tmp_path)
+    stage, (own, _) = healthy_stage(arm, "asymmetric_friction")
+    play = next(c for c in candidates(stage.prepared, only=["backlash"]) if c.family.joint == 0)
+    gain = _of_size(arm, stage, own, times, 0.02, 0.07)
+    assert _is_named(arm, stage, replace(gain, prior=stage.prior + shift), [play]) == expected
+
+
+@pytest.mark.parametrize(
+    ("first", "times", "expected"),
+    [
+        ("presliding_hysteresis", 2.0, True),
+        ("presliding_hysteresis", 0.7, False),
+        # Its rest goes with the load, and so does most of the torque.
+        ("load_dependent_friction", 2.0, False),
+    ],
+)
+def test_a_gain_error_is_no_rest_of_friction_that_does_not_follow_the_load(tmp_path, first, times, expected):
+    arm = small_arm(tmp_path)
+    stage, (own, _) = healthy_stage(arm, "torque_gain_error")
+    named = next(c for c in candidates(stage.prepared, only=[first]) if c.family.joint == 0)
+    gain = _of_size(arm, stage, own, times, 0.002, 0.05)
+    assert _is_named(arm, stage, gain, [named]) == expected
+
+
+@pytest.mark.parametrize(("name", "expected"), [("cable_spring", True), ("stribeck_friction", False)])
+def test_a_coupling_leaves_no_spring_at_its_other_joint(tmp_path, name, expected):
+    arm = small_arm(tmp_path)
+    stage, (_, own) = healthy_stage(arm, name)
+    gain = _of_size(arm, stage, own, 4.0, 0.021, 0.52)
+    coupling = candidates(stage.prepared, only=["joint_coupling"])[0]
+    assert _is_named(arm, stage, gain, [coupling]) == expected

@@ -1,6 +1,7 @@
 """Actuator lag: the current loop of one drive follows its command late."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -23,7 +24,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, coefficients_as_named, single_joint
+from .signature import Family, Logged, Member, Quantity, coefficients_as_named, single_joint
 
 Array = NDArray[np.float64]
 
@@ -38,12 +39,17 @@ DESCRIPTION = EffectDescription(
     laws=("first_order", "second_order"),
     confused_with=("torque_delay", "joint_elasticity"),
 )
+FIRST_ORDER, SECOND_ORDER = DESCRIPTION.laws
+# s: time constants of two stages together, of which a column is made; shorter ones are as good as one stage.
+TWO_STAGES = (0.006, 0.012, 0.024)
+# And the least and the most that their coefficient may be of it: otherwise they are no two like stages.
+LEAST_ALIKE, MOST_ALIKE = 0.7, 1.4
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     """One or two first-order stages, exact for a torque command held over a physics step."""
     joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
-    stages = 2 if injection.law == "second_order" else 1
+    stages = 2 if injection.law == SECOND_ORDER else 1
     time_constant = injection.values["time_constant"] / stages
     if time_constant == 0.0:
         return Action()
@@ -67,18 +73,36 @@ def _lag(bus: int, parameters: int, state: int, joint: int) -> None:
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """reported = true + time_constant · d(true)/dt: the derivative of the predicted torque."""
+    """reported = true + time_constant · d(true)/dt, the derivative of the predicted torque.
+
+    Two stages add time_constant²/4 · d²(true)/dt²: a column for a time constant, with that as coefficient.
+    """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     parameter = DESCRIPTION.parameters[0]
-    member = Member(
-        shape={},
-        rows=(joint,),
-        columns=single_joint([run.predicted_rate[:, [joint]] for run in runs]),
-        lower=np.array([parameter.lower]),
-        upper=np.array([parameter.upper]),
-    )
+    lower, upper = np.array([parameter.lower]), np.array([parameter.upper])
+    rates = [run.predicted_rate[:, joint] for run in runs]
+
+    def two_stages(shape: Mapping[str, float]) -> Member:
+        columns = [
+            (rate + shape["of_stages"] / 4 * np.gradient(rate, 1 / run.sample_rate, edge_order=2))[:, None]
+            for run, rate in zip(runs, rates, strict=True)
+        ]
+        least, most = (np.array([alike * shape["of_stages"]]) for alike in (LEAST_ALIKE, MOST_ALIKE))
+        return Member(dict(shape), (joint,), single_joint(columns), least, most, SECOND_ORDER)
+
+    def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+        return named(replace(member, shape={}), c, covariance[:1, :1])
+
     named = coefficients_as_named(DESCRIPTION, ("time_constant",))
-    return Family(DESCRIPTION.name, joint, (member,), named)
+    one_stage = Member({}, (joint,), single_joint([rate[:, None] for rate in rates]), lower, upper)
+    return Family(
+        effect=DESCRIPTION.name,
+        joint=joint,
+        members=(one_stage, *(two_stages({"of_stages": each}) for each in TWO_STAGES)),
+        parameters=parameters,
+        refine={"of_stages": (TWO_STAGES[0], 2 * TWO_STAGES[-1])},
+        member=two_stages,
+    )
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
@@ -89,6 +113,6 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
     motor.dynprm[0] = injection.values["time_constant"]
     sentences = ["the activation starts at zero: set it to the torque that holds the arm"]
-    if injection.law == "second_order":
+    if injection.law == SECOND_ORDER:
         sentences.append("a motor has one activation: one stage of the whole time constant stands for both")
     return tuple(sentences)

@@ -38,7 +38,7 @@ DESCRIPTION = EffectDescription(
         EffectParameter("phase", "rad", -2 * np.pi, 2 * np.pi, (-3.1, 3.1)),
     ),
     laws=("once_per_turn", "two_harmonics"),
-    confused_with=("joint_elasticity", "transmission_ripple"),
+    confused_with=("encoder_offset", "joint_elasticity", "transmission_ripple"),
     loads=True,
     hinges_only=True,
 )

@@ -18,7 +18,7 @@ DESCRIPTION = EffectDescription(
     reference='Mooring, Roth & Driels, "Fundamentals of Manipulator Calibration", Wiley 1991',
     scope=Scope.JOINT,
     parameters=(EffectParameter("offset", "rad", -0.5, 0.5, (0.0005, 0.05)),),
-    confused_with=("base_tilt", "gravity_spring", "payload"),
+    confused_with=("encoder_eccentricity", "base_tilt", "gravity_spring", "payload"),
     loads=True,
 )
 

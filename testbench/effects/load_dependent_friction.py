@@ -1,9 +1,11 @@
 """Load-dependent friction: the Coulomb level grows with the torque the gearbox carries."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..robot import Robot
 from .action import (
@@ -20,7 +22,9 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, coefficients_as_named, single_joint
+from .signature import Family, Logged, Member, Quantity, coefficients_as_named, single_joint
+
+Array = NDArray[np.float64]
 
 DESCRIPTION = EffectDescription(
     name="load_dependent_friction",
@@ -33,12 +37,15 @@ DESCRIPTION = EffectDescription(
     laws=("symmetric", "driving"),
     confused_with=("gravity_spring", "stribeck_friction", "torque_gain_error"),
 )
+SYMMETRIC, DRIVING = DESCRIPTION.laws
+# Share of it where the load drives the motor, by the second law.
+DRIVEN = 0.5
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     """A level of the set-valued friction that follows the load of the step before."""
     joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
-    values = [injection.values["coefficient"], injection.law == "driving"]
+    values = [injection.values["coefficient"], injection.law == DRIVING]
     return Action((hook(Stage.FRICTION_LEVEL, _level, joint, values),))
 
 
@@ -46,16 +53,28 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 def _level(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 2)
     driven = value[1] > 0.0 and row[LOAD] * row[VELOCITY] < 0.0
-    row[COULOMB] += (0.5 if driven else 1.0) * value[0] * abs(row[LOAD])
+    row[COULOMB] += (DRIVEN if driven else 1.0) * value[0] * abs(row[LOAD])
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """|tau_load|·sgn v with the load of the rigid-body model."""
+    """|tau_load|·sgn v with the load of the rigid-body model; half of it where that drives the motor."""
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    columns = [(np.abs(run.load[:, joint]) * run.direction[:, joint])[:, None] for run in runs]
     upper = np.array([DESCRIPTION.parameters[0].upper])
-    member = Member({}, (joint,), single_joint(columns), np.zeros(1), upper)
-    return Family(DESCRIPTION.name, joint, (member,), coefficients_as_named(DESCRIPTION, ("coefficient",)))
+
+    def member(shape: dict[str, float], law: str | None) -> Member:
+        columns = []
+        for run in runs:
+            load, direction = run.load[:, joint], run.direction[:, joint]
+            driven = np.where(load * direction < 0, shape.get("driven", 1.0), 1.0)
+            columns.append((driven * np.abs(load) * direction)[:, None])
+        return Member(shape, (joint,), single_joint(columns), np.zeros(1), upper, law)
+
+    def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+        return named(replace(member, shape={}), c, covariance)
+
+    named = coefficients_as_named(DESCRIPTION, ("coefficient",))
+    members = member({}, None), member({"driven": DRIVEN}, DRIVING)
+    return Family(DESCRIPTION.name, joint, members, parameters)
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

@@ -124,21 +124,25 @@ def test_a_common_delay_is_explained(arm, motion, exact):
     assert fitted(exact, family, change, index)["delay"].value == pytest.approx(delay, rel=0.15)
 
 
-def test_a_lag_is_explained(arm, motion, exact):
-    """reported = true + T d(true)/dt, with the derivative of the smooth part in closed form."""
+@pytest.mark.parametrize(("law", "member"), [("first_order", 0), ("second_order", 2)])
+def test_a_lag_is_explained(arm, motion, exact, law, member):
+    """reported = true + T d(true)/dt, two stages + T²/4 d²(true)/dt², of the smooth part in closed form."""
+    time_constant = 0.012
     smooth = exact.predicted[:, 2] - arm.parameters.reshape(6, -1)[2, 12] * np.sign(exact.dq[:, 2])
-    ends = [motion.evaluate(exact.time + shift) for shift in (-1e-6, 1e-6)]
-    rates = [torque(arm, *end)[:, 2] for end in ends]
-    smooth_rate = (rates[1] - rates[0]) / 2e-6
+    before, now, after = (
+        torque(arm, *motion.evaluate(exact.time + shift))[:, 2] for shift in (-1e-4, 0.0, 1e-4)
+    )
     reversal = np.abs(np.diff(np.sign(exact.dq[:, 2]), append=0)) > 0
-    quiet = ~(reversal | np.roll(reversal, 1))
-    change = np.zeros_like(exact.tau)
-    change[quiet, 2] = 0.004 * smooth_rate[quiet]
+    quiet = ~np.convolve(reversal, np.ones(9), "same").astype(bool)
+    quiet[:4] = quiet[-4:] = False
+    change = time_constant * (after - before) / 2e-4
+    if law == "second_order":
+        change += time_constant**2 / 4 * (after - 2 * now + before) / 1e-8
     assert rms(smooth) > 1
-    column = effect("actuator_lag").signature([exact], 2, None).members[0].columns[0][:, 0, 0]
-    inner = quiet[2:-2]
-    difference = column[2:-2][inner] * 0.004 - change[2:-2, 2][inner]
-    assert rms(difference) < 0.1 * rms(change[:, 2])
+    family = effect("actuator_lag").signature([exact], 2, None)
+    assert family.members[member].law in (None, law)
+    column = family.members[member].columns[0][:, 0, 0]
+    assert rms((column * time_constant - change)[quiet]) < 0.02 * rms(change[quiet])
 
 
 def test_a_clipped_drive_is_explained(tmp_path):

@@ -50,9 +50,11 @@ def test_nonlinear_viscous_friction_is_explained(
     assert unexplained(base, torque, family)[0] < 0.1
 
 
-def test_load_friction_is_explained(arm: Robot, base: np.ndarray, logged: Logged) -> None:
+@pytest.mark.parametrize("driven", [1.0, 0.5])
+def test_load_friction_is_explained(arm: Robot, base: np.ndarray, logged: Logged, driven: float) -> None:
     _, load, _ = link_side(arm, J)
-    torque = on_joint(0.08 * np.abs(load) * np.sign(DQ[:, J]))
+    direction = np.sign(DQ[:, J])
+    torque = on_joint(np.where(load * direction < 0, driven, 1.0) * 0.08 * np.abs(load) * direction)
     left, found = unexplained(base, torque, effects()["load_dependent_friction"].signature([logged], J, None))
     assert left < 1e-9
     assert found["coefficient"] == pytest.approx(0.08)
