@@ -194,7 +194,7 @@ def _in_bursts(stage: Stage) -> dict[int, set[tuple[int, int]]]:
     found = {}
     for joint in range(stage.prepared.joints):
         blocks = _blocks(stage, joint)
-        noise = float(np.median(list(blocks.values()), axis=0))
+        noise = float(np.median(list(blocks.values())))
         largest = sorted(blocks, key=lambda place: -blocks[place])[: max(round(BURST_TIME * len(blocks)), 1)]
         burst = sum(blocks[place] - noise for place in largest)
         enough = (BURST_TORQUE * stage.ground.torque_rms[joint]) ** 2 * len(blocks)

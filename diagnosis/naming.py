@@ -20,7 +20,8 @@ from .ground import Ground
 from .healthy import is_beyond_healthy, is_excessive
 from .hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from .likelihood import Weighed, gained, gained_by_shift
-from .materiality import is_main, is_obvious
+from .materiality import is_obvious
+from .prominence import is_main
 from .round import Found
 from .unclaimed import NOTHING, Unclaimed
 from .weighing import Stage

@@ -11,8 +11,9 @@ from diagnosis.evidence import fitted_to
 from diagnosis.ground import ground
 from diagnosis.healthy import is_beyond_healthy, is_excessive, is_plausible, quantities, times_healthy
 from diagnosis.likelihood import Weighed
-from diagnosis.materiality import is_main, is_material, is_obvious
+from diagnosis.materiality import is_material, is_obvious
 from diagnosis.preparation import prepare
+from diagnosis.prominence import is_main
 from diagnosis.weighing import Stage
 from identification.parameters import COULOMB, MASS
 from testbench.effects import effect, parse_injection

@@ -8,7 +8,7 @@ import pytest
 from diagnosis.candidates import candidates
 from diagnosis.healthy import times_healthy
 from diagnosis.likelihood import Weighed
-from diagnosis.materiality import is_main
+from diagnosis.prominence import is_main
 from diagnosis.weighing import Stage
 
 from .certain_gain import certain, healthy_stage, squares
