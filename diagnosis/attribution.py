@@ -23,7 +23,7 @@ from .folds import covered, covered_for
 from .generic import generic_candidates
 from .ground import Ground, ground
 from .healthy import with_friction
-from .hypothesis import Design
+from .hypothesis import DELAY, Design
 from .imperfections import of_one_joint
 from .likeliest_shapes import at_likeliest_shapes
 from .likelihood import Weighed, gained, weigh
@@ -207,7 +207,9 @@ def _pruned(
             if gain is not None:
                 # Both are fitted in full here, so what leaving it out costs is known exactly.
                 gain = stage.as_fitted(gain, (hypothesis, fitted))
-            kept = item.candidate.is_event or item.is_trace
+            # The timing of the log makes up for all that a delay explains.
+            is_late = item.named and item.candidate.family.effect == DELAY
+            kept = item.candidate.is_event or item.is_trace or is_late
             # What was best when it was taken in is judged as such.
             weighed = None if gain is None else Weighed(gain, gained(stage, gain))
             keeps = kept or (weighed is not None and is_material(sized, stage, weighed, is_best=True))

@@ -30,6 +30,7 @@ IMPERFECTION = "transmission_ripple:shoulder:amplitude=0.15,cycles=12"
         (["torque_delay::delay=0.0015"], ["torque_delay"]),
         (["torque_delay::delay=0.0008"], []),
         (["torque_delay::delay=0.0015", IMPERFECTION], []),
+        ([FAULT, "torque_delay::delay=0.0015"], ["transmission_ripple", "torque_delay"]),
     ],
 )
 def test_a_small_effect_has_a_name_where_nothing_else_is_seen(tmp_path, effects, named):

@@ -8,6 +8,7 @@ import pytest
 
 from diagnosis.attribution import attribute
 from diagnosis.bank import Bank
+from diagnosis.candidates import candidates
 from diagnosis.contact import contact, explains_all_bursts
 from diagnosis.evidence import fitted_to, squares
 from diagnosis.generic import generic_candidates
@@ -70,6 +71,17 @@ def test_a_push_is_held_against_noise_no_more_than_there_is(tmp_path):
     # Of all that is left it explains little, and of what is no noise all.
     left = squares(found[2][1].residual) / squares(stage.fitted.residual)
     assert left.min() > 0.3
+
+
+@pytest.mark.parametrize(("first", "expected"), [("stribeck_friction", True), ("torque_saturation", False)])
+def test_bursts_beside_a_limit_are_its_rest(tmp_path, first, expected):
+    push = PUSH.replace("law=world_force", "law=joint_torque")
+    prepared = with_pushes(tmp_path, {"run_2": push})
+    friction = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 1)
+    named = replace(friction, family=replace(friction.family, effect=first))
+    stage = Stage(ground(prepared), *fitted_to(prepared, [named]))
+    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    assert (found is not None) == expected
 
 
 def test_a_push_is_seen_where_friction_near_rest_leaves_more_than_it(tmp_path):
