@@ -90,13 +90,10 @@ def is_most(best: Weighed, rest: Sequence[Weighed]) -> bool:
 def is_late_alone(stage: Stage, rest: Sequence[Weighed]) -> bool:
     """Whether a robot without imperfections has its torque act later than the timing of any log has it.
 
-    stage: without a delay. rest: what is left to explain beside it, or beside the timing.
+    stage: without a delay. rest: what is left to explain beside the timing, or beside it.
     """
-    return is_late(stage) and all(each.gain.wald <= BY_CHANCE for each in rest)
-
-
-def is_late(stage: Stage) -> bool:
-    """Whether the torque acts later than the timing of any log has it. stage: without a delay."""
+    if any(each.gain.wald > BY_CHANCE for each in rest):
+        return False
     timing = stage.hypothesis.timing
     deviation = float(np.sqrt(stage.fitted.covariance[timing, timing]))
     # What acts after the sample that reports it seems to be logged early.

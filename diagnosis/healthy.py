@@ -80,6 +80,8 @@ WARMING, SHORTEST_WARMING = "thermal_friction_drift", 3.5
 # The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the viscous
 # torque by this share, if mildly.
 BENDING, BENT = "nonlinear_viscous_friction", 0.1
+# From this exponent on towards one its size falls to nothing.
+LEAST_BENT = 0.7
 # And so many times that is no oil's.
 MOST_BENT = 30.0
 # A kilogram is much on a small arm: there a mild payload is this share of the last link, or of the heaviest's
@@ -178,11 +180,14 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
         value = _number(values[name])
         if family.effect == CABLE:
             value *= _lever(robot, family.joint)
-        if family.effect == BENDING and (exponent := _number(values["exponent"])) > 1:
+        if family.effect == BENDING and (exponent := _number(values["exponent"])) < 1:
+            # As little as that bends what viscous friction would be.
+            value *= min((1 - exponent) / (1 - LEAST_BENT), 1.0)
+        elif family.effect == BENDING and exponent > 1:
             assert family.joint is not None
             # At the highest speed of the runs; beyond it nothing is known.
             power = max(float(np.abs(column).max()) for column in candidate.member.columns)
-            # The nearer the exponent is to one, the less it bends what viscous friction would be.
+            # The nearer the exponent is to one, the less it bends, too.
             value *= power * min(exponent * (exponent - 1) / 2, 1.0)
             speed = power ** (1 / exponent)
             mild = BENT * speed * scale_of("viscous", robot, family.joint)

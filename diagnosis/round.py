@@ -4,10 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 
+import numpy as np
+
 from testbench.robot import Robot
 
 from .accepted import Accepted
-from .alone import are_joints_own, is_elsewhere, is_enough_alone, is_late, is_late_alone, is_most
+from .alone import are_joints_own, is_elsewhere, is_enough_alone, is_late_alone, is_most
 from .bank import Bank
 from .candidates import EVENT, SATURATION
 from .contact import contact, explains_all_bursts, is_in_bursts_at_several
@@ -96,6 +98,10 @@ class Search:
         def allowed(gain: Gain) -> bool:
             if gain.candidate.family.effect == ELASTIC and gain.coefficients[0] < LEAST_SPRING:
                 return False
+            # What is held at a bound above zero is another shape's.
+            lower = gain.candidate.member.lower
+            if np.any((lower > 0) & (gain.coefficients <= lower)):
+                return False
             # A law beside an effect's first stands back for it where it is none that is met.
             law = gain.candidate.member.law
             return law is None or is_plausible(self.sized, gain.candidate, gain.coefficients)
@@ -157,15 +163,11 @@ class Search:
     def _late(self, stage: Stage, weighed: Sequence[Weighed], before: Sequence[Accepted]) -> Found | None:
         """A delay that the timing of the log makes up for, of a robot without any imperfection."""
         delay = next((w for w in weighed if w.candidate.family.effect == DELAY), None)
-        if delay is None or not are_joints_own(before) or not is_late(stage):
+        others = [w for w in weighed if w is not delay]
+        if delay is None or not are_joints_own(before) or not is_late_alone(stage, others):
             return None
         best = refined(self.sized, stage, delay)
-        trial = stage.with_effects([best.candidate])
-        # What only seems to be there for want of the delay is none.
-        others = [w.candidate for w in weighed if w is not delay]
-        if not is_late_alone(stage, weigh(Stage(stage.ground, *trial), Bank(stage.ground, others))):
-            return None
-        return Found(best, (), trial)
+        return Found(best, (), stage.with_effects([best.candidate]))
 
     def _alone(self, stage: Stage, weighed: Sequence[Weighed], before: Sequence[Accepted]) -> Found | None:
         """A little of one effect and of nothing else, which is not how robots are imperfect."""

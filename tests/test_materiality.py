@@ -218,6 +218,17 @@ def test_the_nearer_an_exponent_is_to_one_the_less_friction_bends(tmp_path):
         largest = max(float(np.abs(column).max()) for column in own.member.columns)
         times.append(times_healthy(arm, np.ones(arm.joints), own, np.array([1 / largest])))
     assert times[0] == pytest.approx(0.12 * times[1], rel=0.05)
+    # Below one, by the coefficient.
+    slow, fast = (
+        times_healthy(
+            arm,
+            np.ones(arm.joints),
+            candidate(prepared, family, family.member({"exponent": exponent})),
+            np.ones(1),
+        )
+        for exponent in (0.94, 0.6)
+    )
+    assert slow == pytest.approx(0.2 * fast)
 
 
 def test_friction_that_bends_more_is_larger_however_fast_the_joint_moves(tmp_path):
