@@ -29,6 +29,18 @@ def test_what_all_runs_together_fit_as_nothing_is_not_open(tmp_path):
     assert all(each.gain.wald > 1 for each in opened)
 
 
+@pytest.mark.parametrize(("time_constant", "expected"), [(0.002, False), (0.012, True)])
+def test_what_is_held_at_a_bound_above_zero_is_not_open(tmp_path, time_constant, expected):
+    arm = small_arm(tmp_path)
+    lag = f"actuator_lag:elbow:law=second_order,time_constant={time_constant}"
+    prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, lag)], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    # Two like stages of 4 ms at least, though one of 2 ms would be better than none.
+    two_stages = [each for each in candidates(prepared, only=["actuator_lag"]) if each.member.law]
+    opened = Search(stage, arm, [], ()).open(stage, Bank(stage.ground, two_stages))
+    assert any(each.candidate.family.joint == 1 for each in opened) == expected
+
+
 @pytest.mark.parametrize(
     ("is_trace", "by_all_runs", "by_folds", "shift", "expected"),
     [
