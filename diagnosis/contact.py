@@ -62,7 +62,7 @@ def contact(
     """
     foretold = foretold_shares(stage, free)
     fitted = fitted_shares(stage, free)
-    bursts = _in_bursts(stage)
+    bursts, noise = _in_bursts(stage)
     # What a limit that clips softly leaves is in bursts, too.
     clipped = {c.family.joint for c in stage.hypothesis.accepted if c.family.effect == SATURATION}
     pushed = [j for j in bursts if foretold[j] < FORETOLD and fitted[j] < FITTED and j not in clipped]
@@ -80,15 +80,16 @@ def contact(
         for link in links
         for gain in _of_each_load(stage, in_parallel(stage.prepared, [partial(pushes, logged, link, events)]))
     ]
-    before, noise = squares(stage.fitted.residual), _noise_squares(stage)
+    before = squares(stage.fitted.residual)
     most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
     likeliest: dict[int, tuple[Weighed, tuple[Design, Fit]]] = {}
     for gain in _worth_a_fit(gains):
         trial, link = stage.with_effects([gain.candidate]), gain.candidate.family.joint
-        left = squares(trial[1].residual) / np.maximum(before, 1e-300)
+        after = squares(trial[1].residual)
+        left = after / np.maximum(before, 1e-300)
         weighed = Weighed(gain, log_of_squares(stage.independent, left) - gain.candidate.count)
         assert link is not None
-        explained = _explained(before, squares(trial[1].residual), noise)[list(bursts)]
+        explained = _explained(before, after, noise)[list(bursts)]
         if explained.max() <= (SMALLEST_SHARE if np.sum(explained > SMALLEST_SHARE) > 1 else ALONE):
             continue
         if not _is_bearable(gain.candidate, trial[1].values[-gain.candidate.count :], most):
@@ -110,14 +111,15 @@ def is_in_bursts_at_several(stage: Stage) -> bool:
 
     At one joint, anything that passes quickly does.
     """
-    return len(_in_bursts(stage)) > 1
+    bursts, _ = _in_bursts(stage)
+    return len(bursts) > 1
 
 
 def explains_all_bursts(stage: Stage, pushed: Fit) -> bool:
     """Whether a push explains all that is left in bursts."""
-    before, after = squares(stage.fitted.residual), squares(pushed.residual)
-    explained = _explained(before, after, _noise_squares(stage))
-    return bool(np.all(explained[list(_in_bursts(stage))] > SMALLEST_SHARE))
+    bursts, noise = _in_bursts(stage)
+    explained = _explained(squares(stage.fitted.residual), squares(pushed.residual), noise)
+    return bool(np.all(explained[list(bursts)] > SMALLEST_SHARE))
 
 
 def _explained(before: Array, after: Array, noise: Array) -> Array:
@@ -186,27 +188,27 @@ def _where_told(logged: Logged, kept: NDArray[np.int64], used: NDArray[np.bool_]
     return replace(logged, tau=logged.predicted + residual)
 
 
-def _in_bursts(stage: Stage) -> dict[int, set[tuple[int, int]]]:
+def _in_bursts(stage: Stage) -> tuple[dict[int, set[tuple[int, int]]], Array]:
     """The joints at which a small part of the time holds most of the residual beyond noise, and no small one.
 
-    And when: runs and numbers of the blocks that hold the most of it.
+    And when: runs and numbers of the blocks that hold the most of it. With what of each joint's squared
+    residual would be there without any burst, (n,).
     """
-    found = {}
+    found, noise = {}, squares(stage.fitted.residual)
+    samples = sum(len(run) for run in stage.fitted.residual)
     for joint in range(stage.prepared.joints):
         blocks = _blocks(stage, joint)
-        noise = float(np.median(list(blocks.values())))
+        middle = float(np.median(list(blocks.values())))
+        noise[joint] = min(middle * samples, noise[joint])
         largest = sorted(blocks, key=lambda place: -blocks[place])[: max(round(BURST_TIME * len(blocks)), 1)]
-        burst = sum(blocks[place] - noise for place in largest)
+        burst = sum(blocks[place] - middle for place in largest)
         enough = (BURST_TORQUE * stage.ground.torque_rms[joint]) ** 2 * len(blocks)
-        beyond = sum(blocks.values()) - noise * len(blocks)
-        if (
-            burst > BURST_SHARE * beyond
-            and burst > enough
-            and blocks[largest[0]] > BURST_HEIGHT_NOISE * noise
-        ):
-            least = max(BURST_HEIGHT * blocks[largest[0]], BEYOND_NOISE * noise)
+        beyond = sum(blocks.values()) - middle * len(blocks)
+        highest = blocks[largest[0]]
+        if burst > BURST_SHARE * beyond and burst > enough and highest > BURST_HEIGHT_NOISE * middle:
+            least = max(BURST_HEIGHT * highest, BEYOND_NOISE * middle)
             found[joint] = {place for place in largest if blocks[place] > least}
-    return found
+    return found, noise
 
 
 def _blocks(stage: Stage, joint: int) -> dict[tuple[int, int], float]:
@@ -216,12 +218,3 @@ def _blocks(stage: Stage, joint: int) -> dict[tuple[int, int], float]:
         for run, residual in enumerate(stage.fitted.residual)
         for first in range(0, len(residual) - BURST, BURST)
     }
-
-
-def _noise_squares(stage: Stage) -> Array:
-    """What of each joint's squared residual would be there without any burst, (n,)."""
-    joints = range(stage.prepared.joints)
-    middle = [float(np.median(list(_blocks(stage, joint).values()))) for joint in joints]
-    total = squares(stage.fitted.residual)
-    samples = sum(len(run) for run in stage.fitted.residual)
-    return np.minimum(np.array(middle) * samples, total)

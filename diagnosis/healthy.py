@@ -180,10 +180,11 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
         value = _number(values[name])
         if family.effect == CABLE:
             value *= _lever(robot, family.joint)
-        if family.effect == BENDING and (exponent := _number(values["exponent"])) < 1:
+        exponent = _number(values["exponent"]) if family.effect == BENDING else 1.0
+        if exponent < 1:
             # As little as that bends what viscous friction would be.
             value *= min((1 - exponent) / (1 - LEAST_BENT), 1.0)
-        elif family.effect == BENDING and exponent > 1:
+        elif exponent > 1:
             assert family.joint is not None
             # At the highest speed of the runs; beyond it nothing is known.
             power = max(float(np.abs(column).max()) for column in candidate.member.columns)

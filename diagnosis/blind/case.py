@@ -20,7 +20,7 @@ from .simulated import PlannedCase, ideal_runs, planned_case, simulated_case
 
 CASES, SEALED = "cases", "sealed"
 NOMINAL, HIDDEN, ANSWER = "nominal.xml", "hidden.h5", "answer.json"
-# A drawn robot that cannot be driven is drawn again, so often.
+# A case whose robot cannot be driven, or whose effects move too little, is drawn again, so often.
 ATTEMPTS = 40
 # Why an effect that was drawn does not act.
 LITTLE, BESIDE, NOT_DRIVEN = "moves too little", "beside one that moves too little", "cannot be driven"

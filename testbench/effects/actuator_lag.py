@@ -1,7 +1,6 @@
 """Actuator lag: the current loop of one drive follows its command late."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -24,7 +23,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, Quantity, coefficients_as_named, single_joint
+from .signature import Family, Logged, Member, coefficients_as_named, single_joint
 
 Array = NDArray[np.float64]
 
@@ -39,7 +38,7 @@ DESCRIPTION = EffectDescription(
     laws=("first_order", "second_order"),
     confused_with=("torque_delay", "joint_elasticity"),
 )
-FIRST_ORDER, SECOND_ORDER = DESCRIPTION.laws
+_, SECOND_ORDER = DESCRIPTION.laws
 # s: time constants of two stages together, of which a column is made; shorter ones are as good as one stage.
 TWO_STAGES = (0.006, 0.012, 0.024)
 # And the least and the most that their coefficient may be of it: otherwise they are no two like stages.
@@ -81,25 +80,24 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     parameter = DESCRIPTION.parameters[0]
     lower, upper = np.array([parameter.lower]), np.array([parameter.upper])
     rates = [run.predicted_rate[:, joint] for run in runs]
+    second = [
+        np.gradient(rate, 1 / run.sample_rate, edge_order=2) for run, rate in zip(runs, rates, strict=True)
+    ]
 
     def two_stages(shape: Mapping[str, float]) -> Member:
         columns = [
-            (rate + shape["of_stages"] / 4 * np.gradient(rate, 1 / run.sample_rate, edge_order=2))[:, None]
-            for run, rate in zip(runs, rates, strict=True)
+            (rate + shape["of_stages"] / 4 * of_rate)[:, None]
+            for rate, of_rate in zip(rates, second, strict=True)
         ]
         least, most = (np.array([alike * shape["of_stages"]]) for alike in (LEAST_ALIKE, MOST_ALIKE))
         return Member(dict(shape), (joint,), single_joint(columns), least, most, SECOND_ORDER)
 
-    def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
-        return named(replace(member, shape={}), c, covariance[:1, :1])
-
-    named = coefficients_as_named(DESCRIPTION, ("time_constant",))
     one_stage = Member({}, (joint,), single_joint([rate[:, None] for rate in rates]), lower, upper)
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,
         members=(one_stage, *(two_stages({"of_stages": each}) for each in TWO_STAGES)),
-        parameters=parameters,
+        parameters=coefficients_as_named(DESCRIPTION, ("time_constant",)),
         refine={"of_stages": (TWO_STAGES[0], 2 * TWO_STAGES[-1])},
         member=two_stages,
     )

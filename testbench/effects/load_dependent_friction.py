@@ -1,11 +1,9 @@
 """Load-dependent friction: the Coulomb level grows with the torque the gearbox carries."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..robot import Robot
 from .action import (
@@ -22,9 +20,7 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, Quantity, coefficients_as_named, single_joint
-
-Array = NDArray[np.float64]
+from .signature import Family, Logged, Member, coefficients_as_named, single_joint
 
 DESCRIPTION = EffectDescription(
     name="load_dependent_friction",
@@ -37,7 +33,7 @@ DESCRIPTION = EffectDescription(
     laws=("symmetric", "driving"),
     confused_with=("gravity_spring", "stribeck_friction", "torque_gain_error"),
 )
-SYMMETRIC, DRIVING = DESCRIPTION.laws
+_, DRIVING = DESCRIPTION.laws
 # Share of it where the load drives the motor, by the second law.
 DRIVEN = 0.5
 
@@ -69,12 +65,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
             columns.append((driven * np.abs(load) * direction)[:, None])
         return Member(shape, (joint,), single_joint(columns), np.zeros(1), upper, law)
 
-    def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
-        return named(replace(member, shape={}), c, covariance)
-
-    named = coefficients_as_named(DESCRIPTION, ("coefficient",))
     members = member({}, None), member({"driven": DRIVEN}, DRIVING)
-    return Family(DESCRIPTION.name, joint, members, parameters)
+    return Family(DESCRIPTION.name, joint, members, coefficients_as_named(DESCRIPTION, ("coefficient",)))
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
