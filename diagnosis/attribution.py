@@ -16,11 +16,10 @@ from testbench.robot import Robot
 
 from .accepted import Accepted, laws_of_position, many_laws, out_of_bounds, resonances, without_rests
 from .bank import Bank
-from .candidates import EVENT, SATURATION, Candidate, candidates
+from .candidates import SATURATION, Candidate
 from .evidence import Fit, fitted_to, standard_values
 from .flat_top import flat_tops
 from .folds import covered, covered_for
-from .generic import generic_candidates
 from .ground import Ground, ground
 from .healthy import with_friction
 from .hypothesis import DELAY, Design
@@ -42,6 +41,7 @@ from .observability import not_observable
 from .preparation import Prepared
 from .round import Search
 from .saturation import Cut, cuts
+from .sought import Sought
 from .transmission_load import linearised_until_settled
 from .unclaimed import Unclaimed, unclaimed
 from .weighing import Stage
@@ -77,36 +77,32 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     Where friction turns out not to jump with the speed's sign, all is begun again with what it does.
     """
     # What depends on the logs alone stays when all is begun again.
-    limits = cuts(prepared)
+    limits, sought = cuts(prepared), Sought(without)
     prepared, known = covered(prepared), NearRest()
     while True:
         begun = first_linearised(with_friction_near_rest(prepared, known))
-        grown = _grown(begun, limits, without)
+        grown = _grown(begun, limits, sought)
         if isinstance(grown, Attribution):
             return grown
         known = grown
 
 
-def _grown(
-    prepared: Prepared, limits: Sequence[Sequence[Cut]], without: Sequence[str]
-) -> Attribution | NearRest:
+def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) -> Attribution | NearRest:
     """The hypothesis grown on these runs; or what more is known of friction near rest.
 
     limits: of ``cuts``.
     """
-    motions = generic_candidates(prepared)
-    # A limit and a push of the surroundings are sought in ways of their own.
-    early = [*without, SATURATION, EVENT]
+    sought.along(prepared)
     original = Stage.of(ground(prepared), [])
-    proposals = Bank(original.ground, candidates(prepared, early))
+    proposals = Bank(original.ground, sought.catalogue)
     if (foretold := covered_for(original, proposals)) is not prepared:
         prepared, original = foretold, Stage.of(ground(foretold), [])
         proposals = Bank(original.ground, proposals.candidates)
     base = original.ground
     first = hypothesis, fitted = original.hypothesis, original.fitted
     sized = with_friction(prepared.robot, standard_values(prepared, fitted.values))
-    free, ahead, soft = _other_banks(base, motions)
-    search = Search(original, sized, limits, tuple(without))
+    free, ahead, soft = _other_banks(base, sought.motions)
+    search = Search(original, sized, limits, tuple(sought.without))
     # What an effect of the whole robot explains at a joint has nothing to do with the joint's own.
     stage = apart = original
     weighed = search.open(stage, proposals)
@@ -131,10 +127,10 @@ def _grown(
             hypothesis, fitted = linearised_until_settled(sized, hypothesis, fitted)
             prepared = hypothesis.prepared
             base = ground(prepared)
-            # Old and new ones together would be too much for the memory of a small machine.
             del proposals, free, ahead, soft, weighed
-            proposals = Bank(base, candidates(prepared, early))
-            free, ahead, soft = _other_banks(base, motions)
+            sought.along(prepared)
+            proposals = Bank(base, sought.catalogue)
+            free, ahead, soft = _other_banks(base, sought.motions)
         stage = Stage(base, hypothesis, fitted)
         weighed = search.open(stage, proposals)
         accepted.append(accepted_as(found, before, apart, sized, accepted, weighed))
@@ -149,7 +145,7 @@ def _grown(
     if len(kept := without_rests(accepted)) < len(accepted):
         accepted = kept
         hypothesis, fitted = fitted_to(base.prepared, [a.candidate for a in accepted])
-    if SATURATION not in without:
+    if SATURATION not in sought.without:
         accepted, hypothesis, fitted = _with_flat_tops(accepted, hypothesis, fitted)
     last = stage if hypothesis is stage.hypothesis else Stage(base, hypothesis, fitted)
     taken = {item.candidate.place for item in accepted}

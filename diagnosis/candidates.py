@@ -1,5 +1,6 @@
 """Candidate effects on these runs: every family's columns, filtered like the torque."""
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -8,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from testbench.effects import effects
+from testbench.effects import effect, effects
 from testbench.effects.signature import (
     Family,
     Member,
@@ -120,17 +121,31 @@ def _no_parameters(member: Member, c: Array, covariance: Array) -> dict[str, Qua
 
 
 def candidates(
-    prepared: Prepared, without: Sequence[str] = (), only: Sequence[str] | None = None
+    prepared: Prepared,
+    without: Sequence[str] = (),
+    only: Sequence[str] | None = None,
+    known: Sequence[Candidate] = (),
 ) -> list[Candidate]:
-    """All members of all families of the catalogue, less the effects taken out of it (or only some)."""
-    logged = [run.logged for run in prepared.runs]
+    """All members of all families of the catalogue, less the effects taken out of it (or only some).
+
+    known: those of the same runs and loads by another friction, of which what it does not change is taken.
+    """
+    logged, same = [run.logged for run in prepared.runs], defaultdict(list)
+    for each in known:
+        if not effect(each.family.effect).DESCRIPTION.of_friction:
+            same[each.place].append(each)
     wanted = [
-        (effect, joint, into)
-        for name, effect in effects().items()
+        (name, joint, into)
+        for name, each in effects().items()
         if name not in without and (only is None or name in only)
-        for joint, into in places(effect.DESCRIPTION, prepared.robot.chain.is_slide)
+        for joint, into in places(each.DESCRIPTION, prepared.robot.chain.is_slide)
     ]
-    return in_parallel(prepared, [partial(effect.signature, logged, j, k) for effect, j, k in wanted])
+    sought = [place for place in wanted if place not in same]
+    for each in in_parallel(
+        prepared, [partial(effect(name).signature, logged, j, k) for name, j, k in sought]
+    ):
+        same[each.place].append(each)
+    return [each for place in wanted for each in same[place]]
 
 
 def in_parallel(prepared: Prepared, families: Sequence[Callable[[], Family]]) -> list[Candidate]:

@@ -17,13 +17,13 @@ from .preparation import Prepared
 
 Array = NDArray[np.float64]
 
-RUN_TIME = "run time"
+TORQUE, RUN_TIME = "torque", "run time"
 REGIMES = (
     "position",
     "velocity",
     "position and direction",
     "acceleration",
-    "torque",
+    TORQUE,
     RUN_TIME,
     "neighbour's motion",
 )
@@ -34,17 +34,24 @@ POSITIONS, SPANS = 9, 6
 TURNING = (0.02, 0.1)
 
 
-def generic_candidates(prepared: Prepared) -> list[Candidate]:
-    """One candidate a joint and regime."""
-    logged = [run.logged for run in prepared.runs]
+def generic_candidates(prepared: Prepared, known: Sequence[Candidate] = ()) -> list[Candidate]:
+    """One candidate a joint and regime.
+
+    known: those of the same motion by another friction, of which what it does not change is taken.
+    """
+    logged, same = [run.logged for run in prepared.runs], {each.place: each for each in known}
     found = []
     for joint in range(prepared.joints):
         for regime in REGIMES:
+            name = f"{FREE}{regime}"
+            if regime != TORQUE and (name, joint, None) in same:
+                found.append(same[name, joint, None])
+                continue
             columns = [_columns(run, joint, regime, logged) for run in logged]
             k = columns[0].shape[1]
             if k == 0:
                 continue
-            found.append(without_law(prepared, f"{FREE}{regime}", joint, columns, np.full(k, -np.inf), {}))
+            found.append(without_law(prepared, name, joint, columns, np.full(k, -np.inf), {}))
     return found
 
 
@@ -64,7 +71,7 @@ def _columns(run: Logged, joint: int, regime: str, runs: Sequence[Logged]) -> Ar
         jerk = np.gradient(b) * run.sample_rate / np.pi
         friction = [np.sign(v) * f for f in (np.abs(b), b**2, np.minimum(np.abs(b), 0.2))]
         return np.column_stack([b * np.abs(b), jerk, *friction])
-    if regime == "torque":
+    if regime == TORQUE:
         # By the model: what was measured has the noise of what is looked for.
         t = run.predicted[:, joint] / _largest(r.predicted[:, joint] for r in runs)
         turning = [np.tanh(t / width) for width in TURNING]

@@ -37,6 +37,7 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("time_constant", "s", 0.0, 0.1, (0.0003, 0.02)),),
     laws=("first_order", "second_order"),
     confused_with=("torque_delay", "joint_elasticity"),
+    of_friction=True,
 )
 _, SECOND_ORDER = DESCRIPTION.laws
 # s: time constants of two stages together, of which a column is made; shorter ones are as good as one stage.

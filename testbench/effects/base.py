@@ -36,7 +36,8 @@ class EffectDescription:
     name: of the contract. title: for people. law: the formula. reference: where it comes from.
     scope: where it acts. parameters: in the order of the contract. laws: the variants simulation
     offers, the default first. confused_with: names of effects that look alike. loads: it acts behind the
-    gearboxes, which carry its torque. hinges_only: its law is of an angle.
+    gearboxes, which carry its torque. hinges_only: its law is of an angle. of_friction: its columns are made
+    of the joints' friction as far as that is known.
     """
 
     name: str
@@ -49,6 +50,7 @@ class EffectDescription:
     confused_with: tuple[str, ...] = ()
     loads: bool = False
     hinges_only: bool = False
+    of_friction: bool = False
 
 
 @dataclass(frozen=True)

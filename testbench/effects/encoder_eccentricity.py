@@ -41,6 +41,7 @@ DESCRIPTION = EffectDescription(
     confused_with=("encoder_offset", "joint_elasticity", "transmission_ripple"),
     loads=True,
     hinges_only=True,
+    of_friction=True,
 )
 SECOND_HARMONIC = 0.25
 

@@ -32,6 +32,7 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("coefficient", "-", 0.0, 1.0, (0.03, 0.15)),),
     laws=("symmetric", "driving"),
     confused_with=("gravity_spring", "stribeck_friction", "torque_gain_error"),
+    of_friction=True,
 )
 _, DRIVING = DESCRIPTION.laws
 # Share of it where the load drives the motor, by the second law.

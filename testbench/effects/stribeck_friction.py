@@ -37,6 +37,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("exponential", "rational"),
     confused_with=("presliding_hysteresis", "nonlinear_viscous_friction", "backlash"),
+    of_friction=True,
 )
 
 VELOCITIES = (0.03, 0.08, 0.16, 0.3, 0.6)

@@ -47,6 +47,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("one_node", "two_node"),
     confused_with=("nonlinear_viscous_friction",),
+    of_friction=True,
 )
 
 # Viscosity cannot fall below nothing, however hot.

@@ -23,6 +23,7 @@ DESCRIPTION = EffectDescription(
     scope=Scope.ROBOT,
     parameters=(EffectParameter("delay", "s", 0.0, 0.05, (0.0002, 0.01)),),
     confused_with=("actuator_lag", "joint_elasticity"),
+    of_friction=True,
 )
 
 # Seconds. The difference over one of them tells delays up to this factor from it.

@@ -23,6 +23,7 @@ DESCRIPTION = EffectDescription(
     scope=Scope.JOINT,
     parameters=(EffectParameter("relative", "-", -0.5, 0.5, (0.02, 0.15)),),
     confused_with=("payload", "torque_saturation"),
+    of_friction=True,
 )
 
 

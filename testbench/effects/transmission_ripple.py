@@ -41,6 +41,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("harmonic", "second_harmonic", "load_modulated"),
     confused_with=("encoder_eccentricity", "gravity_spring"),
+    of_friction=True,
 )
 
 SECOND_HARMONIC = 0.3
