@@ -10,7 +10,7 @@ from testbench.robot import Robot
 from .accepted import Accepted
 from .healthy import BENDING, RIPPLE, SPRING, WARMING, times_healthy
 from .hypothesis import DELAY
-from .likelihood import Weighed
+from .likelihood import Weighed, gained_by_joint
 from .materiality import BEYOND, SMALLEST_WALD
 from .weighing import Stage
 
@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 # Beside one that is alone nothing gains more than this share of what it does, and there is nothing certain at
 # more other joints than so many.
 BESIDE_ALONE, MOST_JOINTS = 0.4, 2
+# An effect of the whole robot is elsewhere if so much of what it gains is.
+MOSTLY = 0.8
 # Of these every joint of an imperfect robot has a little. One that gains this log-likelihood alone, and has
 # so much of a healthy size, is no imperfection.
 LEAST_ALONE = 40.0
@@ -47,7 +49,7 @@ def is_alone(
     if not is_enough_alone(robot, stage, best, coefficients) or not is_most(best, rest):
         return False
     nameless = max((each.score for each in before if not each.named), default=0.0)
-    return is_elsewhere(best, before) and nameless < BESIDE_ALONE * best.score
+    return is_elsewhere(stage, best, before) and nameless < BESIDE_ALONE * best.score
 
 
 def is_enough_alone(robot: Robot, stage: Stage, best: Weighed, coefficients: Array) -> bool:
@@ -67,12 +69,13 @@ def are_joints_own(before: Sequence[Accepted]) -> bool:
     )
 
 
-def is_elsewhere(best: Weighed, before: Sequence[Accepted]) -> bool:
-    """Whether nothing that was taken in is at its joints."""
+def is_elsewhere(stage: Stage, best: Weighed, before: Sequence[Accepted]) -> bool:
+    """Whether nothing that was taken in is at its joints; of the whole robot's, where it gains its most."""
     taken = {place for each in before for place in (each.candidate.family.joint, each.candidate.family.into)}
     family = best.candidate.family
     if family.joint is None:
-        return not before
+        rest = np.delete(gained_by_joint(stage, best.gain), [joint for joint in taken if joint is not None])
+        return not before or float(rest.sum()) > MOSTLY * best.score
     return family.joint not in taken and (family.into is None or family.into not in taken)
 
 

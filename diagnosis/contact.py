@@ -13,6 +13,7 @@ from testbench.effects.logged import Logged
 from .bank import Bank
 from .candidates import SATURATION, Candidate, Place, in_parallel
 from .evidence import Fit, squares, standard_values
+from .healthy import BRISTLES
 from .hypothesis import Design
 from .likelihood import Weighed, log_of_squares, odds
 from .unclaimed import fitted_shares, foretold_shares
@@ -66,7 +67,9 @@ def contact(
     # What a limit that clips softly leaves is in bursts, too.
     clipped = {c.family.joint for c in stage.hypothesis.accepted if c.family.effect == SATURATION}
     pushed = [j for j in bursts if foretold[j] < FORETOLD and fitted[j] < FITTED and j not in clipped]
-    if not pushed:
+    # So is what bristles leave that were bent when a run began.
+    bristled = {c.family.joint for c in stage.hypothesis.accepted if c.family.effect == BRISTLES}
+    if bristled.issuperset(pushed):
         return None
     # A force loads the joints before its link, though perhaps with no arm on the last, and none after it.
     last = max(j for j in pushed if not bursts[j].isdisjoint(bursts[pushed[0]]))

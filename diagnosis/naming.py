@@ -20,7 +20,7 @@ from .ground import Ground
 from .healthy import is_beyond_healthy, is_excessive
 from .hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from .likelihood import Weighed, gained, gained_by_shift
-from .materiality import is_obvious
+from .materiality import is_certainly_beyond, is_obvious
 from .prominence import is_main
 from .round import Found
 from .unclaimed import NOTHING, Unclaimed
@@ -70,7 +70,8 @@ def accepted_as(
     # Of an effect of the whole robot all joints tell.
     told = samples.max() if best.candidate.family.joint is not None else samples.sum()
     # Of what re-identification leaves: of what another effect leaves there, little is nearly all.
-    is_all = obvious and apart.shares(best.gain).max() > NEARLY_ALL
+    large = obvious or is_certainly_beyond(sized, stage, best.gain)
+    is_all = large and apart.shares(best.gain).max() > NEARLY_ALL
     enough = told >= (FEWEST_OF_ALL if is_all else FEWEST_INDEPENDENT)
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(

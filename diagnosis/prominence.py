@@ -31,8 +31,9 @@ NAMED_SHARE = 0.05
 # And the share of what is left there when it is taken in, or the log-likelihood as a multiple of what any
 # other joint's effect gains: imperfections that are no smaller would not let it be told from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
+GAIN, ECCENTRICITY = "torque_gain_error", "encoder_eccentricity"
 # But none of them looks like these; bristles are held against those of the other joints.
-UNLIKE = ("thermal_friction_drift", "encoder_eccentricity", BRISTLES)
+UNLIKE = ("thermal_friction_drift", ECCENTRICITY, BRISTLES)
 # Wald's statistic of an imperfection: what has less predicts well by chance.
 SEEN = 9.0
 # Every arm has cables: one that is no more than this share of what is left is certainly so many times a
@@ -63,7 +64,6 @@ SECOND_SWALLOWED, SECOND_FAR_BEYOND = 0.3, 3.0
 # certainly beyond a healthy one; so is a gain error beside friction of these laws, whose rests are no part of
 # all torque.
 SECOND_SHIFT = 15.0
-GAIN = "torque_gain_error"
 BESIDE_GAIN = (
     "stribeck_friction",
     "asymmetric_friction",
@@ -99,6 +99,9 @@ def is_main(
     if family.effect == CABLE and _is_any_cable(robot, stage, gain):
         return False
     named, coupled = {each.family.joint for each in firsts}, {each.family.into for each in firsts}
+    if family.joint in coupled - named and family.effect == ECCENTRICITY:
+        # No law of speeds leaves what an encoder's error of an angle is.
+        return is_certainly_beyond(robot, stage, gain, SECOND_BEYOND)
     if family.joint is not None and family.joint in named | coupled:
         prominent = best.score > SECOND_PROMINENT * elsewhere
         enough = bool(shares[family.joint] > SECOND_SHARE)

@@ -173,7 +173,7 @@ class Search:
         """A little of one effect and of nothing else, which is not how robots are imperfect."""
         if not are_joints_own(before) or not weighed or not self._is_seen(stage, weighed[0]):
             return None
-        if not is_elsewhere(weighed[0], before):
+        if not is_elsewhere(stage, weighed[0], before):
             return None
         # Of a grid the nearest shape has another size.
         if not self._is_seen(stage, refined(self.sized, stage, weighed[0])):

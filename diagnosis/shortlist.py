@@ -30,6 +30,8 @@ RIVAL_LEFT = 0.5
 AS_LIKELY = 25.0
 # Another law of a play or a spring is tried where one explains this share of the most: it may do as much.
 WORTH_A_LAW = 0.8
+# Log-posterior of all runs together that outweighs any that runs left out lose.
+EVIDENCE_AGAINST_RUNS = 30.0
 # First step of a refinement, as a share of the shape's range, and how many shapes are tried; where several go
 # together, more of what is taken in.
 STEP, TRIED, MORE_TRIED = 0.12, 14, 50
@@ -63,8 +65,8 @@ def choose(
     if len(shortlist[first].candidate.family.refine) > 1:
         shortlist[first] = refined(robot, stage, shortlist[first], MORE_TRIED)
     # The price is for rivals; here nothing is to make the fit far worse.
-    if likelihoods[first] + price(stage.hypothesis, listed[first]) <= before and not (
-        listed[first].family.effect == DELAY and _is_told_by_all_runs(stage, compared[first])
+    if likelihoods[first] + price(stage.hypothesis, listed[first]) <= before and not _is_told_by_all_runs(
+        stage, compared[first]
     ):
         return None
     shortlist[first], trial = _likelier(robot, stage, shortlist[first])
@@ -82,14 +84,20 @@ def choose(
     return best, tuple(sorted(rivals, key=lambda r: -r[1])), trial
 
 
-def _is_told_by_all_runs(stage: Stage, delayed: tuple[Design, Fit]) -> bool:
-    """Whether all runs together have a delay, the last effect, rather than the log's timing.
+def _is_told_by_all_runs(stage: Stage, trial: tuple[Design, Fit]) -> bool:
+    """Whether all runs together have what bends all parameters, the last effect, whatever left-out ones say.
 
-    They make a column of each other that only one of them at a time has. Where a run that is left out was the
-    fast one, the prior keeps the timing near its size, and nothing the delay.
+    Where a run that is left out was the fast one, the parameters are extrapolated to it. A delay and the
+    log's timing make a column of each other that only one of them at a time has: the prior keeps the timing
+    near its size, and nothing the delay, so that this tells it from the timing by any evidence.
     """
-    more = log_posterior(*delayed) - log_posterior(stage.hypothesis, stage.fitted)
-    return more > price(stage.hypothesis, delayed[0].accepted[-1])
+    last = trial[0].accepted[-1]
+    is_delay = last.family.effect == DELAY
+    if not is_delay and not bends_parameters(last.family):
+        return False
+    least = 0.0 if is_delay else EVIDENCE_AGAINST_RUNS
+    more = log_posterior(*trial) - log_posterior(stage.hypothesis, stage.fitted)
+    return more > max(price(stage.hypothesis, last), least)
 
 
 def _by_all_runs(

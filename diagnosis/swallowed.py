@@ -16,6 +16,7 @@ from .candidates import Candidate
 from .healthy import CABLE, SPRING
 from .likelihood import Weighed, by_chance, gained_by_joint, log_posterior, weigh
 from .linearisation import bends_parameters, linearised_anew
+from .shortlist import EVIDENCE_AGAINST_RUNS
 from .weighing import Stage
 
 # What any joint has a little of, and what is fitted beside: friction, ripple, cables.
@@ -38,6 +39,8 @@ BESIDE, SMALLEST_GAIN, SMALLEST_ELSEWHERE = 8.0, 9.0, 5.0
 WORTH_A_FIT, AGAINST = 9.0, -5.0
 # The log-posterior of all runs together that it must add with one coefficient, and with more.
 EVIDENCE_OF_ONE, EVIDENCE_OF_MORE = 4.5, 7.5
+# And what may lose any: who leaves the one fast run out extrapolates to it.
+WORTH_A_FIT_AGAINST = 25.0
 
 
 def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Weighed]]:
@@ -62,17 +65,22 @@ def _foretold(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
 
 def _by_all_runs(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
     """Those that all runs together tell, by the log-posterior each adds with the runs linearised anew."""
-    found = [each for each in found if each.gain.wald > WORTH_A_FIT and each.score > AGAINST]
+    found = [each for each in found if each.gain.wald > (WORTH_A_FIT_AGAINST, WORTH_A_FIT)[_is_borne(each)]]
     if not found:
         return []
     before, told = log_posterior(*linearised_anew(stage.hypothesis, stage.fitted)), []
     for each in found:
         hypothesis, fitted = linearised_anew(*stage.compared(each.candidate))
         evidence = log_posterior(hypothesis, fitted) - before
-        if evidence > _smallest_evidence(each.candidate):
+        if evidence > (_smallest_evidence(each.candidate) if _is_borne(each) else EVIDENCE_AGAINST_RUNS):
             gain = replace(each.gain, coefficients=fitted.values[hypothesis.parts[-1]])
             told.append(Weighed(gain, evidence))
     return told
+
+
+def _is_borne(weighed: Weighed) -> bool:
+    """Whether runs left out say next to nothing against it."""
+    return weighed.score > AGAINST
 
 
 def _smallest_evidence(candidate: Candidate) -> float:
