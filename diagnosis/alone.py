@@ -17,7 +17,7 @@ from .weighing import Stage
 Array = NDArray[np.float64]
 
 # Beside one that is alone nothing gains more than this share of what it does, and there is nothing certain at
-# more other joints than so many.
+# more other joints than so many, and than half of them.
 BESIDE_ALONE, MOST_JOINTS = 0.4, 2
 # An effect of the whole robot is elsewhere if so much of what it gains is.
 MOSTLY = 0.8
@@ -85,7 +85,7 @@ def is_most(best: Weighed, rest: Sequence[Weighed]) -> bool:
     rest: what is left to explain.
     """
     joints = {w.candidate.family.joint for w in rest if w.gain.wald > SMALLEST_WALD and w.score > 0}
-    if len(joints - {None, best.candidate.family.joint}) > MOST_JOINTS:
+    if len(joints - {None, best.candidate.family.joint}) > min(MOST_JOINTS, (best.candidate.joints - 1) // 2):
         return False
     return max((each.score for each in rest), default=0.0) < BESIDE_ALONE * best.score
 

@@ -29,6 +29,8 @@ SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
 # What is left counts without any function to follow where it is this share of the joint's RMS torque, so many
 # times the noise, and this share of what re-identification left.
 MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
+# Or less noise, where the joint in the middle of all has a tenth of it: no law's rest is one joint's alone.
+FAR_OUT, FAR_OUT_NOISE = 10.0, 2.0
 # So does what is this share of the joint's torque and so many times what the joint in the middle of all has
 # (or less and more times), not noise, and this share of what re-identification left: a law that is nearly the
 # robot's leaves less, and a spring's next to nothing.
@@ -177,6 +179,7 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
         slow, foretold = _slow(last, joint, last.fitted.held_out)
         _, fitted = _slow(last, joint, last.fitted.residual)
         is_large = unfit[joint] and noise[joint] > MISFIT_NOISE
+        is_large |= structured[joint] and relative[joint] > FAR_OUT * middle and noise[joint] > FAR_OUT_NOISE
         is_structure = structured[joint] and foretold > STRUCTURE and fitted > FITTED_STRUCTURE
         is_slow = slow > SLOW and (stands_out[joint] or is_structure)
         if is_large or is_slow or ((unfit | stands_out)[joint] and _is_dense(last, joint)):
