@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from diagnosis.alone import is_most
+from diagnosis.accepted import Accepted
+from diagnosis.alone import is_elsewhere, is_most
+from diagnosis.candidates import candidates
 from diagnosis.diagnose import diagnose
-from diagnosis.likelihood import Weighed
+from diagnosis.likelihood import Weighed, gained
 from testbench.effects import parse_injection
 from tests.certain_gain import certain, healthy_stage, squares
 from tests.diagnosed import simulated_runs
@@ -40,14 +43,31 @@ def test_a_small_effect_has_a_name_where_nothing_else_is_seen(tmp_path, effects,
 
 
 @pytest.mark.parametrize(
-    ("joints", "wald", "expected"), [((1, 2), 30.0, True), ((1, 2, 3), 30.0, False), ((1, 2, 3), 20.0, True)]
+    ("joints", "of", "wald", "expected"),
+    [
+        ((1, 2), 6, 30.0, True),
+        ((1, 2, 3), 6, 30.0, False),
+        ((1, 2, 3), 6, 20.0, True),
+        ((1,), 3, 30.0, True),
+        ((1, 2), 3, 30.0, False),
+    ],
 )
-def test_nothing_is_alone_where_most_joints_have_a_little_of_something(tmp_path, joints, wald, expected):
+def test_nothing_is_alone_where_most_joints_have_a_little_of_something(tmp_path, joints, of, wald, expected):
     stage, (own, _) = healthy_stage(small_arm(tmp_path), "transmission_ripple")
-    squared = squares(stage, 0.01)
+    own, squared = replace(own, joints=of), squares(stage, 0.01)
     best = Weighed(certain(stage, own, 1.0, squared), 600.0)
     rest = []
     for joint in joints:
         there = replace(own, family=replace(own.family, joint=joint))
         rest.append(Weighed(replace(certain(stage, own, 1.0, squared, wald), candidate=there), 100.0))
     assert is_most(best, rest) == expected
+
+
+@pytest.mark.parametrize(("joint", "expected"), [(0, True), (1, False)])
+def test_what_is_of_the_whole_robot_is_elsewhere_where_it_gains_its_most(tmp_path, joint, expected):
+    """Beside what has a name at the elbow."""
+    stage, (_, elbow) = healthy_stage(small_arm(tmp_path), "actuator_lag")
+    (tilt,) = candidates(stage.prepared, only=["base_tilt"])
+    gain = certain(stage, tilt, 0.01, squares(stage, 0.001) * np.eye(2)[joint])
+    named = Accepted(elbow, probability=1.0, rivals=(), score=90.0, share=0.9, worth=0.01)
+    assert is_elsewhere(stage, Weighed(gain, gained(stage, gain)), [named]) == expected

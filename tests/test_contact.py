@@ -73,10 +73,18 @@ def test_a_push_is_held_against_noise_no_more_than_there_is(tmp_path):
     assert left.min() > 0.3
 
 
-@pytest.mark.parametrize(("first", "expected"), [("stribeck_friction", True), ("torque_saturation", False)])
-def test_bursts_beside_a_limit_are_its_rest(tmp_path, first, expected):
-    push = PUSH.replace("law=world_force", "law=joint_torque")
-    prepared = with_pushes(tmp_path, {"run_2": push})
+@pytest.mark.parametrize(
+    ("first", "law", "expected"),
+    [
+        ("stribeck_friction", "joint_torque", True),
+        ("torque_saturation", "joint_torque", False),
+        ("presliding_hysteresis", "joint_torque", False),
+        # Bristles of one joint leave nothing at another.
+        ("presliding_hysteresis", "world_force", True),
+    ],
+)
+def test_bursts_beside_a_limit_or_bristles_are_their_rest(tmp_path, first, law, expected):
+    prepared = with_pushes(tmp_path, {"run_2": PUSH.replace("law=world_force", f"law={law}")})
     friction = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 1)
     named = replace(friction, family=replace(friction.family, effect=first))
     stage = Stage(ground(prepared), *fitted_to(prepared, [named]))

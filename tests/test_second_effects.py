@@ -85,6 +85,15 @@ def test_a_coupling_leaves_a_rest_at_both_of_its_joints(tmp_path):
     assert _is_named(arm, stage, gain, [], before=1.0)
 
 
+@pytest.mark.parametrize(("times", "expected"), [(2.0, True), (1.3, False)])
+def test_an_eccentric_encoder_is_no_rest_of_a_coupling(tmp_path, times, expected):
+    arm = small_arm(tmp_path)
+    stage, (_, own) = healthy_stage(arm, "encoder_eccentricity")
+    coupling = candidates(stage.prepared, only=["joint_coupling"])[0]
+    gain = _of_size(arm, stage, own, times, 0.004, 0.25)
+    assert _is_named(arm, stage, gain, [coupling]) == expected
+
+
 @pytest.mark.parametrize(
     ("first", "expected"), [("load_dependent_friction", True), ("joint_elasticity", False)]
 )

@@ -94,6 +94,21 @@ def test_a_delay_in_the_place_of_the_timing_is_told_by_all_runs_together(arm, mo
     assert (choose(arm, stage, weighed, weighed) is not None) == is_told
 
 
+@pytest.mark.parametrize(("evidence", "is_told"), [(29.0, False), (31.0, True)])
+def test_what_bends_all_parameters_is_told_by_all_runs_where_left_out_ones_lose(
+    arm, monkeypatch, evidence, is_told
+):
+    """Where the one fast run is left out, parameters are extrapolated to it."""
+    prepared = prepare(
+        arm, simulated_runs(arm, [parse_injection(arm, "torque_gain_error:elbow:relative=0.2")])
+    )
+    stage = Stage.of(ground(prepared), [])
+    weighed = weigh(stage, Bank(stage.ground, candidates(prepared, only=["torque_gain_error"])))[:1]
+    monkeypatch.setattr(shortlist, "log_likelihood", lambda hypothesis, _: -99.0 * len(hypothesis.accepted))
+    monkeypatch.setattr(shortlist, "log_posterior", lambda hypothesis, _: evidence * len(hypothesis.accepted))
+    assert (choose(arm, stage, weighed, weighed) is not None) == is_told
+
+
 @pytest.mark.parametrize("doubling", [0.004, 0.02, None])
 def test_a_spring_that_hardens_is_found_by_its_own_law(arm, doubling):
     law = "law=two_mass" if doubling is None else f"law=hardening,doubling_windup={doubling}"

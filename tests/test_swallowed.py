@@ -48,13 +48,18 @@ def test_a_gain_that_parameters_take_up_is_told_at_its_joint(arm, joint, relativ
     assert told[:1] == ([("torque_gain_error", arm.joint_names.index(joint), None)] if relative else [])
 
 
-@pytest.mark.parametrize(("score", "expected"), [(-4.0, True), (-6.0, False)])
-def test_a_gain_that_left_out_runs_speak_against_is_not_told(arm, monkeypatch, score, expected):
-    fault = parse_injection(arm, "torque_gain_error:elbow:relative=0.1")
+@pytest.mark.parametrize(
+    ("score", "evidence", "expected"), [(-4.0, 6.0, True), (-6.0, 29.0, False), (-60.0, 31.0, True)]
+)
+def test_what_left_out_runs_speak_against_must_add_more_to_all_of_them(
+    arm, monkeypatch, score, evidence, expected
+):
+    fault = parse_injection(arm, "torque_gain_error:elbow:relative=0.2")
     prepared = prepare(arm, simulated_runs(arm, [fault], runs=3))
     stage = Stage.of(ground(prepared), [])
-    gains = weigh(stage, Bank(stage.ground, candidates(prepared, only=["torque_gain_error"])))
-    foretold = [replace(each, score=score) for each in gains]
+    gains = weigh(stage, Bank(stage.ground, candidates(prepared, only=["torque_gain_error"])))[:1]
+    foretold, added = [replace(each, score=score) for each in gains], iter([0.0, evidence])
+    monkeypatch.setattr("diagnosis.swallowed.log_posterior", lambda *_: next(added))
     monkeypatch.setattr("diagnosis.swallowed.weigh", lambda *_: foretold)
     _, found = swallowed(stage, gains)
     assert bool(found) == expected

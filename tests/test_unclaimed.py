@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import signal
 from scipy.interpolate import CubicSpline
 
 from diagnosis.bank import Bank
@@ -54,6 +55,25 @@ def test_a_little_that_stands_out_far_and_is_slow_is_unknown(tmp_path, share, ex
         runs[name] = replace(run, torque=torque)
     found, _ = _unclaimed(arm, runs)
     assert [(each.joint, each.regime) for each in found] == ([(1, NOTHING)] if expected else [])
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.08, True), (0.02, False)])
+def test_what_shakes_one_joint_now_and_then_far_more_than_noise_is_unknown(tmp_path, share, expected):
+    """Too fast for a part of the motion, too slow for noise, and nothing foretells when."""
+    arm = small_arm(tmp_path, SCARA)
+    runs, rng = simulated_runs(arm, [], runs=3), np.random.default_rng(2)
+    for name, run in runs.items():
+        shaken = bandpass(rng.normal(size=len(run.time)), run.sample_rate)
+        torque = run.torque.copy()
+        torque[:, 1] += share * np.std(torque[:, 1]) * shaken / np.std(shaken)
+        runs[name] = replace(run, torque=torque)
+    found, _ = _unclaimed(arm, runs)
+    assert [(each.joint, each.regime) for each in found] == ([(1, NOTHING)] if expected else [])
+
+
+def bandpass(values, rate):
+    """What of them is between 5 and 14 Hz."""
+    return signal.sosfiltfilt(signal.butter(4, (5.0, 14.0), "bandpass", fs=rate, output="sos"), values)
 
 
 def test_noise_is_nothing_however_large(tmp_path):
