@@ -12,7 +12,7 @@ from .bank import Bank
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
 from .evidence import Fit
-from .healthy import is_plausible
+from .healthy import ELASTIC, is_plausible
 from .hypothesis import DELAY, Design
 from .likeliest_shapes import at_likeliest_shape, is_searched
 from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price, weigh
@@ -28,6 +28,8 @@ SHORTLIST = 4
 RIVAL_LEFT = 0.5
 # Log-likelihood by which a joint may seem less likely than another for what bends all parameters.
 AS_LIKELY = 25.0
+# The coefficient of a play's or a spring's column where its shape is about right: of one.
+ITS_OWN = 0.6, 1.6
 # Another law of a play or a spring is tried where one explains this share of the most: it may do as much.
 WORTH_A_LAW = 0.8
 # Log-posterior of all runs together that outweighs any that runs left out lose.
@@ -53,6 +55,9 @@ def choose(
     shortlist = [refined(robot, stage, weighed) for weighed in best_of_each.values()]
     worth = WORTH_A_LAW * max(weighed.score for weighed in shortlist)
     shortlist = [each if each.score < worth else _by_its_law(robot, stage, each) for each in shortlist]
+    shortlist += [
+        _by_its_law(robot, stage, refined(robot, stage, each)) for each in _other_springs(shortlist, open_)
+    ]
     listed = [weighed.candidate for weighed in shortlist]
     compared = [stage.compared(each) for each in listed]
     # Of many shapes one is the likelier to fit by chance.
@@ -154,6 +159,19 @@ def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> Weighed:
     """The effect of the same joint that fits better than any other, though it may predict less."""
     own = [w for w in open_ if w.candidate.family.joint == likely.candidate.family.joint and w.score > 0]
     return max(own, key=lambda w: w.gain.objective, default=likely)
+
+
+def _other_springs(shortlist: Sequence[Weighed], open_: Sequence[Weighed]) -> list[Weighed]:
+    """Elasticities that are not listed, where the likeliest effect is a play or a spring that is not its own.
+
+    A spring that hardens has three shapes, and may look like nothing at all of those that are tried first.
+    """
+    best = max(shortlist, key=lambda each: each.score)
+    least, most = ITS_OWN
+    if best.candidate.family.effect not in TRANSMISSIONS or least < best.gain.coefficients[0] < most:
+        return []
+    listed = {each.candidate.place for each in shortlist}
+    return [w for w in open_ if w.candidate.family.effect == ELASTIC and w.candidate.place not in listed]
 
 
 def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:

@@ -123,3 +123,16 @@ def test_a_spring_that_hardens_is_found_by_its_own_law(arm, doubling):
     assert found.member.shape["stiffness"] == pytest.approx(100, rel=0.1)
     if doubling is not None:
         assert found.member.shape["doubling_windup"] == pytest.approx(doubling, rel=0.1)
+
+
+def test_a_spring_whose_column_is_not_its_own_may_be_another_joints(arm):
+    spring = parse_injection(
+        arm, "joint_elasticity:elbow:stiffness=100,damping=0.2,law=hardening,doubling_windup=0.02"
+    )
+    prepared = prepare(arm, simulated_runs(arm, [spring], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    every = weigh(stage, Bank(stage.ground, candidates(prepared, only=["joint_elasticity"])))
+    wrong = [each for each in every if each.candidate.family.joint == 0]
+    chosen = choose(arm, stage, wrong, every)
+    assert chosen is not None
+    assert chosen[0].candidate.family.joint == 1
