@@ -39,7 +39,7 @@ BESIDE, SMALLEST_GAIN, SMALLEST_ELSEWHERE = 8.0, 9.0, 5.0
 WORTH_A_FIT, AGAINST = 9.0, -5.0
 # The log-posterior of all runs together that it must add with one coefficient, and with more.
 EVIDENCE_OF_ONE, EVIDENCE_OF_MORE = 4.5, 7.5
-# And what may lose any: who leaves the one fast run out extrapolates to it.
+# And where it may lose any, as who leaves the one fast run out extrapolates to it.
 WORTH_A_FIT_AGAINST = 25.0
 
 
@@ -65,27 +65,30 @@ def _foretold(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
 
 def _by_all_runs(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
     """Those that all runs together tell, by the log-posterior each adds with the runs linearised anew."""
-    found = [each for each in found if each.gain.wald > (WORTH_A_FIT_AGAINST, WORTH_A_FIT)[_is_borne(each)]]
+    found = [each for each in found if each.gain.wald > _smallest_wald(each)]
     if not found:
         return []
     before, told = log_posterior(*linearised_anew(stage.hypothesis, stage.fitted)), []
     for each in found:
         hypothesis, fitted = linearised_anew(*stage.compared(each.candidate))
         evidence = log_posterior(hypothesis, fitted) - before
-        if evidence > (_smallest_evidence(each.candidate) if _is_borne(each) else EVIDENCE_AGAINST_RUNS):
+        if evidence > _smallest_evidence(each):
             gain = replace(each.gain, coefficients=fitted.values[hypothesis.parts[-1]])
             told.append(Weighed(gain, evidence))
     return told
 
 
-def _is_borne(weighed: Weighed) -> bool:
-    """Whether runs left out say next to nothing against it."""
-    return weighed.score > AGAINST
+def _smallest_wald(weighed: Weighed) -> float:
+    """Wald's statistic from which it is fitted in full."""
+    return WORTH_A_FIT if weighed.score > AGAINST else WORTH_A_FIT_AGAINST
 
 
-def _smallest_evidence(candidate: Candidate) -> float:
+def _smallest_evidence(weighed: Weighed) -> float:
     """Log-posterior from which it is believed: of many coefficients some suit by chance."""
-    return EVIDENCE_OF_ONE if candidate.count == 1 else EVIDENCE_OF_MORE + by_chance(candidate)
+    if weighed.score <= AGAINST:
+        return EVIDENCE_AGAINST_RUNS
+    count = weighed.candidate.count
+    return EVIDENCE_OF_ONE if count == 1 else EVIDENCE_OF_MORE + by_chance(weighed.candidate)
 
 
 def _with_imperfections(stage: Stage, weighed: Sequence[Weighed]) -> Stage:
