@@ -1,8 +1,12 @@
 """How near the parameters of a named effect come to those that acted: laws of several shapes, springs."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from diagnosis.diagnose import diagnose
+from identification.filtering import central_difference
 from testbench.effects import parse_injection
 from testbench.robot import Robot
 
@@ -36,6 +40,22 @@ def test_friction_that_bends_is_told_with_its_exponent(arm, coefficient, exponen
     for name, value in (("coefficient", coefficient), ("exponent", exponent)):
         told = found.parameters[name]
         assert abs(told.value - value) < 4 * told.std
+
+
+@pytest.mark.parametrize("width", [0.02, 0.12])
+def test_a_shared_drives_viscous_friction_is_none_of_its_coulomb_frictions_softness(arm, width):
+    """fc tanh(v / w) on the sum of two speeds, added to the torque of runs without a fault."""
+    true, runs = {"viscous": 0.3, "coulomb": 3.0}, simulated_runs(arm, [], runs=3)
+    for name, run in runs.items():
+        speed = central_difference(run.position, run.sample_rate).sum(axis=1, keepdims=True)
+        shared = true["viscous"] * speed + true["coulomb"] * np.tanh(speed / width)
+        runs[name] = replace(run, torque=run.torque + shared)
+    (found,) = diagnose(arm, runs).effects
+    assert (found.effect, found.joint, found.into) == ("joint_coupling", 0, 1)
+    for name, value in true.items():
+        told = found.parameters[name]
+        assert abs(told.value - value) < 4 * told.std
+        assert told.std < 0.05 * value
 
 
 @pytest.mark.parametrize("stiffness", [700.0, 2500.0])

@@ -46,18 +46,22 @@ DESCRIPTION = EffectDescription(
     confused_with=("load_dependent_friction",),
 )
 
+_, SMOOTH = DESCRIPTION.laws
+
 # The shared shaft slides after this much twist, rad.
 PRESLIDING = 5e-4
 # How far that is sought in logs.
 TWISTS = (1e-4, 5e-3)
 SMOOTH_VELOCITY = 0.01
+# rad/s of other smooth signs: what is tried first, and how far they are sought.
+LIKELY_WIDTHS, WIDTHS = (0.03, 0.1), (0.01, 0.3)
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     """Friction of the shared drive as a torque on both motors."""
     first, second = _pair(injection.joint, injection.into, simulated.robot.joints)
     values = [injection.values[name] for name in ("viscous", "coulomb")]
-    smooth = injection.law == "smooth"
+    smooth = injection.law == SMOOTH
     return Action((hook(Stage.TORQUE, _shared, first, [*values, second, smooth], state=1),))
 
 
@@ -81,8 +85,9 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     """Speed of the other joint, friction on the summed speed, acceleration of the other joint; on both rows.
 
     A joint's own speed is in its viscous friction. Friction is Dahl's bristle of a unit of level: where both
-    joints all but turn against each other, the sign of a measured speed says little. The third coefficient is
-    the shared rotor's inertia.
+    joints all but turn against each other, the sign of a measured speed says little. Or it is a tanh of some
+    width, which taken for a sign looks like more viscous friction. The third coefficient is the inertia that
+    they share.
     """
     pair = _pair(joint, into, runs[0].joints)
 
@@ -90,10 +95,10 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         columns = []
         for run in runs:
             v, a = run.dq[:, pair], run.ddq[:, pair]
-            friction = np.empty((run.samples, 1))
-            unit_bristle(v.sum(axis=1), np.array([shape["twist"]]), 1 / run.sample_rate, friction)
+            friction = _friction(v.sum(axis=1), shape, 1 / run.sample_rate)
             columns.append(np.stack([v[:, ::-1], friction.repeat(2, axis=1), a[:, ::-1]], axis=2))
-        return Member(dict(shape), tuple(pair), tuple(columns), np.zeros(3), np.full(3, np.inf))
+        law = SMOOTH if "width" in shape else None
+        return Member(dict(shape), tuple(pair), tuple(columns), np.zeros(3), np.full(3, np.inf), law)
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Any]:
         names = ("viscous", "coulomb")
@@ -103,12 +108,21 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     return Family(
         DESCRIPTION.name,
         pair[0],
-        (member({"twist": PRESLIDING}),),
+        (member({"twist": PRESLIDING}), *(member({"width": width}) for width in LIKELY_WIDTHS)),
         parameters,
-        refine={"twist": TWISTS},
+        refine={"twist": TWISTS, "width": WIDTHS},
         member=member,
         into=pair[1],
     )
+
+
+def _friction(speed: Array, shape: Mapping[str, float], timestep: float) -> Array:
+    """A unit of Coulomb friction on a speed (N,), (N, 1)."""
+    if "width" in shape:
+        return np.tanh(speed / shape["width"])[:, None]
+    friction = np.empty((len(speed), 1))
+    unit_bristle(speed, np.array([shape["twist"]]), timestep, friction)
+    return friction
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

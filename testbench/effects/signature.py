@@ -167,7 +167,7 @@ class Family:
             return self
         members = (
             replace(member, columns=ColumnsOnDemand(partial(make, member.shape)))
-            if self.refine.keys() <= member.shape.keys()
+            if self.refine.keys() & member.shape.keys()
             else member
             for member in self.members
         )
