@@ -73,9 +73,11 @@ def is_elsewhere(stage: Stage, best: Weighed, before: Sequence[Accepted]) -> boo
     """Whether nothing that was taken in is at its joints; of the whole robot's, where it gains its most."""
     taken = {place for each in before for place in (each.candidate.family.joint, each.candidate.family.into)}
     family = best.candidate.family
+    if not before:
+        return True
     if family.joint is None:
         rest = np.delete(gained_by_joint(stage, best.gain), [joint for joint in taken if joint is not None])
-        return not before or float(rest.sum()) > MOSTLY * best.score
+        return float(rest.sum()) > MOSTLY * best.score
     return family.joint not in taken and (family.into is None or family.into not in taken)
 
 

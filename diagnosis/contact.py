@@ -65,11 +65,10 @@ def contact(
     fitted = fitted_shares(stage, free)
     bursts, noise = _in_bursts(stage)
     # What a limit that clips softly leaves is in bursts, too.
-    clipped = {c.family.joint for c in stage.hypothesis.accepted if c.family.effect == SATURATION}
+    clipped = stage.hypothesis.joints_with(SATURATION)
     pushed = [j for j in bursts if foretold[j] < FORETOLD and fitted[j] < FITTED and j not in clipped]
     # So is what bristles leave that were bent when a run began.
-    bristled = {c.family.joint for c in stage.hypothesis.accepted if c.family.effect == BRISTLES}
-    if bristled.issuperset(pushed):
+    if stage.hypothesis.joints_with(BRISTLES).issuperset(pushed):
         return None
     # A force loads the joints before its link, though perhaps with no arm on the last, and none after it.
     last = max(j for j in pushed if not bursts[j].isdisjoint(bursts[pushed[0]]))

@@ -100,6 +100,10 @@ class Design:
         ends = np.cumsum([self.parameters, *(c.count for c in self.accepted)]).tolist()
         return tuple(slice(first, last) for first, last in pairwise(ends))
 
+    def joints_with(self, *names: str) -> set[int | None]:
+        """The joints at which any of these effects acts."""
+        return {each.family.joint for each in self.accepted if each.family.effect in names}
+
     def added(self, run: int) -> Array:
         """The effects' columns along one run, (M, n, k)."""
         run_gap = self.gap[run]

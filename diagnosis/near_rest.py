@@ -134,7 +134,7 @@ def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> fl
 def _soft(stage: Stage, least: Array, soft: Bank) -> dict[int, float]:
     """The joints whose friction is soft near rest, softer than is known, and its width w, rad/s (m/s)."""
     # Bristles are soft near rest in their own way.
-    bristled = {c.family.joint for c in stage.hypothesis.accepted if c.family.effect == BRISTLES}
+    bristled = stage.hypothesis.joints_with(BRISTLES)
     coulomb, least = _coulomb(stage), least.copy()
     found: dict[int, float] = {}
     for each, gain in zip(soft.candidates, stage.gains(soft), strict=True):

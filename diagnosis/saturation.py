@@ -102,8 +102,7 @@ def saturation(stage: Stage, free: Bank, limits: Sequence[Sequence[Cut]]) -> Wei
     free: candidates of generic.py; what one of them explains better has nothing to do with a limit.
     limits: of ``cuts``.
     """
-    accepted = stage.hypothesis.accepted
-    known = {each.family.joint for each in accepted if each.family.effect == SATURATION}
+    known = stage.hypothesis.joints_with(SATURATION)
     found: list[_Trial] = []
     for joint, tried in enumerate(limits):
         trial = None if joint in known else _likeliest(stage, tried)

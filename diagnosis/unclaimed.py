@@ -168,7 +168,7 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     stands_out = np.any(
         [(relative > least) & (relative > times * middle) for least, times in STANDING_OUT], axis=0
     )
-    sprung = {each.family.joint for each in last.hypothesis.accepted if each.family.effect in SPRINGS}
+    sprung = last.hypothesis.joints_with(*SPRINGS)
     most = np.where([joint in sprung for joint in range(len(left))], SPRING_LEFT, STANDING_OUT_LEFT)
     # What is worse than without any effect says nothing of the robot.
     stands_out &= (left > most) & (left < 1 + WORSE)

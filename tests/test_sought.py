@@ -6,13 +6,11 @@ import pytest
 from diagnosis.near_rest import NearRest, with_friction_near_rest
 from diagnosis.preparation import prepare
 from diagnosis.sought import Sought
-from identification.parameters import COULOMB, PER_JOINT, VISCOUS
+from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
 from testbench.effects import effects
 
 from .diagnosed import simulated_runs
 from .small_arm import small_arm
-
-MASS = 9
 
 
 @pytest.fixture(scope="module")

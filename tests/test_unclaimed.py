@@ -63,7 +63,7 @@ def test_what_shakes_one_joint_now_and_then_far_more_than_noise_is_unknown(tmp_p
     arm = small_arm(tmp_path, SCARA)
     runs, rng = simulated_runs(arm, [], runs=3), np.random.default_rng(2)
     for name, run in runs.items():
-        shaken = bandpass(rng.normal(size=len(run.time)), run.sample_rate)
+        shaken = _bandpass(rng.normal(size=len(run.time)), run.sample_rate)
         torque = run.torque.copy()
         torque[:, 1] += share * np.std(torque[:, 1]) * shaken / np.std(shaken)
         runs[name] = replace(run, torque=torque)
@@ -71,7 +71,7 @@ def test_what_shakes_one_joint_now_and_then_far_more_than_noise_is_unknown(tmp_p
     assert [(each.joint, each.regime) for each in found] == ([(1, NOTHING)] if expected else [])
 
 
-def bandpass(values, rate):
+def _bandpass(values, rate):
     """What of them is between 5 and 14 Hz."""
     return signal.sosfiltfilt(signal.butter(4, (5.0, 14.0), "bandpass", fs=rate, output="sos"), values)
 
