@@ -88,3 +88,12 @@ def test_coupling_loads_both_joints_with_their_summed_speed(arm: Robot, law: str
     torque = recording.truth["effect_torque"]
     np.testing.assert_allclose(torque[settled, 1], wanted[settled], atol=6e-3)
     np.testing.assert_array_equal(torque[:, 1], torque[:, 2])
+
+
+def test_smooth_coupling_is_as_wide_as_it_says(arm: Robot) -> None:
+    recording = run(arm, placed(arm, "joint_coupling", "smooth", viscous=0.7, coulomb=1.1, width=0.2))
+    speed = recording.truth["velocity"][:, 1] + recording.truth["velocity"][:, 2]
+    wanted = -0.7 * speed - 1.1 * np.tanh(speed / 0.2)
+    # Of half a physics step later, 0.1 ms of the sample's 1 ms.
+    atol = 0.11 * float(np.abs(np.diff(wanted)).max())
+    np.testing.assert_allclose(recording.truth["effect_torque"][:, 1], wanted, atol=atol)

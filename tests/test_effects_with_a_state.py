@@ -1,6 +1,7 @@
 """Effects in the simulated robot whose laws have a state of their own, against ODEs solved by scipy."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,14 +64,17 @@ def solved(
     return np.array(found)
 
 
-def test_dahl_friction_is_the_solution_of_its_equation(wheel: Robot) -> None:
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])
+def test_dahl_friction_is_the_solution_of_its_equation(wheel: Robot, exponent: float) -> None:
     stiffness = 400.0
 
     def dahl(y: np.ndarray, u: float) -> list[float]:
         _, v, z = y
-        return [v, (u - VISCOUS * v - stiffness * z) / (ROTOR + LINK), v - stiffness * abs(v) * z / COULOMB]
+        left = max(1 - np.sign(v) * stiffness * z / COULOMB, 0.0)
+        return [v, (u - VISCOUS * v - stiffness * z) / (ROTOR + LINK), v * left**exponent]
 
-    output = pushed(wheel, SWING, placed(wheel, "presliding_hysteresis", stiffness=stiffness))
+    law: dict[str, Any] = {} if exponent == 1.0 else {"exponent": exponent, "law": "dahl_exponent"}
+    output = pushed(wheel, SWING, placed(wheel, "presliding_hysteresis", stiffness=stiffness, **law))
     wanted = solved(dahl, [0, 0, 0], SWING)
     np.testing.assert_allclose(output[:, layout.VELOCITY], wanted[:, 1], atol=2e-3 * np.ptp(wanted[:, 1]))
 

@@ -86,7 +86,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         for run in runs:
             rubbed = np.empty((run.samples, 1))
             v = np.ascontiguousarray(run.dq[:, joint])
-            unit_bristle(v, np.array([shape["yields"]]), 1 / run.sample_rate, rubbed)
+            unit_bristle(v, np.array([shape["yields"]]), 1.0, 1 / run.sample_rate, rubbed)
             pulls.append(run.q[:, joint] + shape["friction"] * rubbed[:, 0])
         return member(pulls, shape, HYSTERETIC)
 

@@ -26,7 +26,7 @@ from .action import (
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .bristle import bristle_step, unit_bristle
 from .mjcf_form import joint_element
-from .signature import Family, Logged, Member, quantities
+from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 
@@ -34,13 +34,14 @@ DESCRIPTION = EffectDescription(
     name="joint_coupling",
     title="Joint coupling",
     law="viscous·(v_j + v_k) + coulomb·sgn(v_j + v_k) loads both joints; the sign is that of a stiff Dahl "
-    "bristle (coulomb) or tanh at 10 mrad/s (smooth)",
+    "bristle (coulomb); smooth: tanh((v_j + v_k) / width) in its place",
     reference='Gautier & Venture, "Identification of standard dynamic parameters of robots with positive '
     'definite inertia matrix", IROS 2013 (the coupled wrist of the TX-40)',
     scope=Scope.PAIR,
     parameters=(
         EffectParameter("viscous", "N·m·s/rad", 0.0, np.inf, (0.1, 0.8), "viscous"),
         EffectParameter("coulomb", "N·m", 0.0, np.inf, (0.1, 0.8), "coulomb"),
+        EffectParameter("width", "rad/s", 1e-4, np.inf, (0.01, 0.01)),
     ),
     laws=("coulomb", "smooth"),
     confused_with=("load_dependent_friction",),
@@ -52,8 +53,7 @@ _, SMOOTH = DESCRIPTION.laws
 PRESLIDING = 5e-4
 # How far that is sought in logs.
 TWISTS = (1e-4, 5e-3)
-SMOOTH_VELOCITY = 0.01
-# rad/s of other smooth signs: what is tried first, and how far they are sought.
+# rad/s of smooth signs: what is tried first, and how far they are sought.
 LIKELY_WIDTHS, WIDTHS = (0.03, 0.1), (0.01, 0.3)
 
 
@@ -61,8 +61,8 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     """Friction of the shared drive as a torque on both motors."""
     first, second = _pair(injection.joint, injection.into, simulated.robot.joints)
     values = [injection.values[name] for name in ("viscous", "coulomb")]
-    smooth = injection.law == SMOOTH
-    return Action((hook(Stage.TORQUE, _shared, first, [*values, second, smooth], state=1),))
+    width = injection.values["width"] if injection.law == SMOOTH else 0.0
+    return Action((hook(Stage.TORQUE, _shared, first, [*values, second, width], state=1),))
 
 
 @hook_kernel
@@ -72,7 +72,7 @@ def _shared(bus: int, parameters: int, state: int, joint: int) -> None:
     speed, coulomb = row[VELOCITY] + other[VELOCITY], value[1]
     torque = value[0] * speed
     if value[3] > 0.0:
-        torque += coulomb * np.tanh(speed / SMOOTH_VELOCITY)
+        torque += coulomb * np.tanh(speed / value[3])
     elif coulomb > 0.0:
         stiffness = coulomb / PRESLIDING
         deflection[0] = bristle_step(deflection[0], speed, coulomb, stiffness, 1.0, row[TIMESTEP])
@@ -100,10 +100,16 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         law = SMOOTH if "width" in shape else None
         return Member(dict(shape), tuple(pair), tuple(columns), np.zeros(3), np.full(3, np.inf), law)
 
-    def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Any]:
-        names = ("viscous", "coulomb")
+    def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
         std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        return quantities(DESCRIPTION, dict(zip(names, c, strict=False)), dict(zip(names, std, strict=False)))
+        found = {
+            "viscous": Quantity(float(c[0]), float(std[0]), "N·m·s/rad"),
+            "coulomb": Quantity(float(c[1]), float(std[1]), "N·m"),
+        }
+        if "width" in member.shape:
+            # After three coefficients and the twist, which it has not.
+            found["width"] = Quantity(member.shape["width"], float(std[4]), "rad/s")
+        return found
 
     return Family(
         DESCRIPTION.name,
@@ -121,7 +127,7 @@ def _friction(speed: Array, shape: Mapping[str, float], timestep: float) -> Arra
     if "width" in shape:
         return np.tanh(speed / shape["width"])[:, None]
     friction = np.empty((len(speed), 1))
-    unit_bristle(speed, np.array([shape["twist"]]), timestep, friction)
+    unit_bristle(speed, np.array([shape["twist"]]), 1.0, timestep, friction)
     return friction
 
 
@@ -135,6 +141,8 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     tendon.damping = [injection.values["viscous"], 0.0, 0.0]
     tendon.frictionloss = injection.values["coulomb"]
     tendon.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+    if injection.law == SMOOTH:
+        return ("MuJoCo's frictionloss jumps where the speeds' sum changes its sign",)
     return ()
 
 

@@ -60,17 +60,22 @@ def test_load_friction_is_explained(arm: Robot, base: np.ndarray, logged: Logged
     assert found["coefficient"] == pytest.approx(0.08)
 
 
+@pytest.mark.parametrize("exponent", [1.0, 2.0])
 @pytest.mark.parametrize("displacement", [0.0015, 0.006])
-def test_presliding_is_explained(arm: Robot, base: np.ndarray, logged: Logged, displacement: float) -> None:
+def test_presliding_is_explained(
+    arm: Robot, base: np.ndarray, logged: Logged, displacement: float, exponent: float
+) -> None:
     v = DQ[:, J]
     stiffness = 2.0 / displacement
     z, fine = [0.0], np.interp(FINE, TIME, v).tolist()
     for speed in fine[1:]:
-        z.append(z[-1] + FINE_STEP * (speed - stiffness * abs(speed) * z[-1] / 2.0))
+        left = max(1 - np.sign(speed) * stiffness * z[-1] / 2.0, 0.0)
+        z.append(z[-1] + FINE_STEP * speed * left**exponent)
     torque = on_joint(stiffness * np.array(z)[::FINENESS] - 2.0 * np.sign(v))
     left, found = unexplained(base, torque, effects()["presliding_hysteresis"].signature([logged], J, None))
     assert left < 0.1
     assert found["stiffness"] == pytest.approx(stiffness, rel=0.5)
+    assert found.get("exponent", 1.0) == exponent
 
 
 @pytest.mark.parametrize("power", [13.0, 26.0])
