@@ -72,10 +72,13 @@ def test_presliding_is_explained(
         left = max(1 - np.sign(speed) * stiffness * z[-1] / 2.0, 0.0)
         z.append(z[-1] + FINE_STEP * speed * left**exponent)
     torque = on_joint(stiffness * np.array(z)[::FINENESS] - 2.0 * np.sign(v))
-    left, found = unexplained(base, torque, effects()["presliding_hysteresis"].signature([logged], J, None))
+    family = effects()["presliding_hysteresis"].signature([logged], J, None)
+    left, found = unexplained(base, torque, family)
     assert left < 0.1
     assert found["stiffness"] == pytest.approx(stiffness, rel=0.5)
-    assert found.get("exponent", 1.0) == exponent
+    left, found = unexplained(base, torque, single(family, displacement=displacement, exponent=exponent))
+    assert left < 0.02
+    assert found["stiffness"] == pytest.approx(stiffness, rel=0.02)
 
 
 @pytest.mark.parametrize("power", [13.0, 26.0])
