@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 # What an effect looks like is drawn from these ranges, whatever its severity.
 SHAPES = {
     "stribeck_friction": {"velocity": (0.03, 0.4), "exponent": (1.0, 2.5)},
+    "presliding_hysteresis": {"exponent": (0.4, 2.6)},
+    "joint_coupling": {"width": (0.01, 0.15)},
     "thermal_friction_drift": {"time_constant": (10.0, 60.0)},
     "transmission_ripple": {"cycles": (8.0, 60.0), "phase": (-np.pi, np.pi)},
     "gravity_spring": {"phase": (-np.pi, np.pi)},
