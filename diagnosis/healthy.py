@@ -76,6 +76,9 @@ SPRING, SPRING_COULOMB = "gravity_spring", 0.1
 # No gear loses so many times the severe end's share of its load, or warms within so many seconds: what seems
 # to is fitted, and has no name.
 OF_THE_LOAD, MOST_OF_LOAD = "load_dependent_friction", 1.5
+# But worms and small gears at little load lose four times that: where it explains this share of what its
+# joint leaves, it is no imitation.
+ALL_BUT_ALL, MOST_OF_WORMS = 0.95, 4.0
 WARMING, SHORTEST_WARMING = "thermal_friction_drift", 3.5
 # The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the viscous
 # torque by this share, if mildly.
@@ -95,8 +98,11 @@ SIZES: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array) -> bool:
-    """Whether friction bends, grows with load or falls with warmth as no gear's does."""
+def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array, share: float) -> bool:
+    """Whether friction bends, grows with load or falls with warmth as no gear's does.
+
+    share: of its joint's squared residual that it explains.
+    """
     if candidate.family.effect == BENDING:
         return size(robot, np.zeros(robot.joints), candidate, coefficients) > MOST_BENT
     if candidate.family.effect == WARMING:
@@ -105,7 +111,7 @@ def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
         return False
     (parameter,) = effect(OF_THE_LOAD).DESCRIPTION.parameters
     _, severe = typical_range(parameter, robot, candidate.family.joint)
-    return float(coefficients[0]) > MOST_OF_LOAD * severe
+    return float(coefficients[0]) > (MOST_OF_WORMS if share > ALL_BUT_ALL else MOST_OF_LOAD) * severe
 
 
 def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
@@ -142,7 +148,7 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
         mild, severe = typical_range(parameter, robot, family.joint)
         amount = _number(values[parameter.name])
         if family.effect == CABLE:
-            amount *= _lever(robot, family.joint)
+            amount *= _lever(robot, family.joint, values)
         if family.effect in SPRINGS and amount <= HELD * scale_of("torque_limit", robot, family.joint):
             return True
         return amount <= largest * severe if severe >= mild else amount >= severe / largest
@@ -179,7 +185,7 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
             grows = True
         value = _number(values[name])
         if family.effect == CABLE:
-            value *= _lever(robot, family.joint)
+            value *= _lever(robot, family.joint, values)
         exponent = _number(values["exponent"]) if family.effect == BENDING else 1.0
         if exponent < 1:
             # As little as that bends what viscous friction would be.
@@ -197,10 +203,14 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
     return largest
 
 
-def _lever(robot: Robot, joint: int | None) -> float:
-    """How far from rest a cable is judged, rad (m): half of the joint's range, or one where that is more."""
+def _lever(robot: Robot, joint: int | None, values: Mapping[str, Quantity]) -> float:
+    """How far from rest a cable is judged, rad (m): half of the joint's range, or one where that is more.
+
+    values: its parameters. One that hardens pulls there as if it were as much farther.
+    """
     assert joint is not None
-    return min(0.5 * float(robot.limits.upper[joint] - robot.limits.lower[joint]), 1.0)
+    lever = min(0.5 * float(robot.limits.upper[joint] - robot.limits.lower[joint]), 1.0)
+    return lever * (1 + (lever / _number(values["doubling"])) ** 2) if "doubling" in values else lever
 
 
 def _number(quantity: Quantity) -> float:

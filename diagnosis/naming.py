@@ -61,7 +61,8 @@ def accepted_as(
     beyond = alone or is_beyond_healthy(sized, torque_rms, *own)
     # Where an imperfection of healthy size would explain it as well, nothing else need be there.
     beyond = beyond and all(is_beyond_healthy(sized, torque_rms, *each) for each in as_well)
-    beyond = (obvious or beyond) and not is_excessive(sized, *own)
+    share = float(stage.shares(best.gain).max())
+    beyond = (obvious or beyond) and not is_excessive(sized, *own, share)
     # What a push leaves is where it was.
     firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
     main = alone or is_main(sized, apart, stage, best, firsts, rest)
@@ -79,7 +80,7 @@ def accepted_as(
         probability=1.0 - sum(p for _, p in found.rivals),
         rivals=found.rivals,
         score=best.score,
-        share=float(stage.shares(best.gain).max()),
+        share=share,
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
         shift=gained_by_shift(stage, best.gain),
         named=bool(beyond and main and certain and enough),
@@ -160,7 +161,7 @@ def as_fitted_at_last(
     """What was taken in with the shapes that all runs together give it; what no gear has loses its name."""
     found = []
     for item, own, candidate in zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True):
-        named = item.named and not is_excessive(sized, candidate, fitted.values[own])
+        named = item.named and not is_excessive(sized, candidate, fitted.values[own], item.share)
         found.append(replace(item, candidate=candidate, named=named))
     return found
 

@@ -190,21 +190,23 @@ def test_what_healthy_robots_have_differs_from_effect_to_effect(tmp_path, name, 
 
 
 @pytest.mark.parametrize(
-    ("name", "shape", "amount", "expected"),
+    ("name", "shape", "amount", "share", "expected"),
     [
-        ("load_dependent_friction", {}, 0.3, True),
-        ("load_dependent_friction", {}, 0.15, False),
-        ("thermal_friction_drift", {"time_constant": 3.0}, 0.5, True),
-        ("thermal_friction_drift", {"time_constant": 10.0}, 0.5, False),
-        ("nonlinear_viscous_friction", {"exponent": 2.0}, 20.0, True),
-        ("nonlinear_viscous_friction", {"exponent": 2.0}, 1.0, False),
+        ("load_dependent_friction", {}, 0.3, 0.9, True),
+        ("load_dependent_friction", {}, 0.3, 0.98, False),
+        ("load_dependent_friction", {}, 0.7, 0.98, True),
+        ("load_dependent_friction", {}, 0.15, 0.9, False),
+        ("thermal_friction_drift", {"time_constant": 3.0}, 0.5, 0.9, True),
+        ("thermal_friction_drift", {"time_constant": 10.0}, 0.5, 0.9, False),
+        ("nonlinear_viscous_friction", {"exponent": 2.0}, 20.0, 0.9, True),
+        ("nonlinear_viscous_friction", {"exponent": 2.0}, 1.0, 0.9, False),
     ],
 )
-def test_what_no_gear_has_is_something_else(tmp_path, name, shape, amount, expected):
+def test_what_no_gear_has_is_something_else(tmp_path, name, shape, amount, share, expected):
     arm = small_arm(tmp_path)
     own = candidates(prepare(arm, simulated_runs(arm, [], runs=1)), only=[name])[0]
     made = replace(own, member=replace(own.member, shape=own.member.shape | shape))
-    assert is_excessive(arm, made, amount * np.eye(own.count)[0]) == expected
+    assert is_excessive(arm, made, amount * np.eye(own.count)[0], share) == expected
 
 
 def test_the_nearer_an_exponent_is_to_one_the_less_friction_bends(tmp_path):

@@ -21,7 +21,7 @@ SHAPES = {
     "thermal_friction_drift": {"time_constant": (10.0, 60.0)},
     "transmission_ripple": {"cycles": (8.0, 60.0), "phase": (-np.pi, np.pi)},
     "gravity_spring": {"phase": (-np.pi, np.pi)},
-    "cable_spring": {"rest": (-1.0, 1.0)},
+    "cable_spring": {"rest": (-1.0, 1.0), "doubling": (0.7, 3.0)},
     "encoder_eccentricity": {"phase": (-np.pi, np.pi)},
     "external_contact": {"start": (1.0, 6.0), "duration": (0.2, 1.0)},
 }

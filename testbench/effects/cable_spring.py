@@ -28,20 +28,21 @@ from .signature import Family, Logged, Member, Quantity, single_joint
 
 Array = NDArray[np.float64]
 
-LINEAR, HYSTERETIC = "linear", "hysteretic"
+LINEAR, HYSTERETIC, HARDENING = "linear", "hysteretic", "hardening"
 
 DESCRIPTION = EffectDescription(
     name="cable_spring",
     title="Cable spring",
     law="drive torque needed + stiffness·(q - rest); hysteretic adds Dahl friction of 0.2 rad·stiffness that "
-    "yields within 0.1 rad",
-    reference='Dahl, "A solid friction model", 1968 (the hysteresis); a linear spring otherwise',
+    "yields within 0.1 rad; hardening: stiffness·x·(1 + (x / doubling)²), x = q - rest",
+    reference='Dahl, "A solid friction model", 1968 (the hysteresis); Duffing\'s spring (hardening)',
     scope=Scope.JOINT,
     parameters=(
         EffectParameter("stiffness", "N·m/rad", 0.0, np.inf, (0.05, 0.5), "coulomb"),
         EffectParameter("rest", "rad", -10.0, 10.0, (0.0, 0.5)),
+        EffectParameter("doubling", "rad", 1e-3, np.inf, (1.0, 1.0)),
     ),
-    laws=(LINEAR, HYSTERETIC),
+    laws=(LINEAR, HYSTERETIC, HARDENING),
     confused_with=("gravity_spring", "asymmetric_friction", "base_tilt"),
     loads=True,
 )
@@ -51,21 +52,33 @@ FRICTION, YIELD = 0.2, 0.1
 # What they may be on a robot, and where they are looked for first.
 FRICTIONS, YIELDS = (0.03, 0.6), (0.02, 0.4)
 LIKELY = ((0.1, 0.05), (0.3, 0.05), (0.2, 0.15))
+# Where a hardening one rests, and how far from there its stiffness doubles, from the middle of the motion's
+# range and in halves of it: what is looked for first, and what it may be.
+LIKELY_RESTS, RESTS = (-1.0, -0.5, 0.0, 0.5, 1.0), (-1.5, 1.5)
+LIKELY_DOUBLINGS, DOUBLINGS = (0.5, 1.0), (0.2, 3.0)
+# rad.
+STILL = 1e-6
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     """A torque on the link."""
     joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
     values = [injection.values[name] for name in ("stiffness", "rest")]
-    return Action((hook(Stage.TORQUE, _pull, joint, [*values, injection.law == HYSTERETIC], state=1),))
+    values += [_hardening(injection), injection.law == HYSTERETIC]
+    return Action((hook(Stage.TORQUE, _pull, joint, values, state=1),))
+
+
+def _hardening(injection: Injection) -> float:
+    """How much a cable stiffens, as a share of its stiffness, a rad² from rest."""
+    return injection.values["doubling"] ** -2 if injection.law == HARDENING else 0.0
 
 
 @hook_kernel
 def _pull(bus: int, parameters: int, state: int, joint: int) -> None:
-    row, value, deflection = bus_row(bus, joint), vector(parameters, 3), vector(state, 1)
-    stiffness = value[0]
-    row[LINK_TORQUE] -= stiffness * (row[LINK_POSITION] - value[1])
-    if value[2] > 0.0 and stiffness > 0.0:
+    row, value, deflection = bus_row(bus, joint), vector(parameters, 4), vector(state, 1)
+    stiffness, pulled = value[0], row[LINK_POSITION] - value[1]
+    row[LINK_TORQUE] -= stiffness * pulled * (1.0 + value[2] * pulled * pulled)
+    if value[3] > 0.0 and stiffness > 0.0:
         level = FRICTION * stiffness
         bristles = level / YIELD
         deflection[0] = bristle_step(deflection[0], row[LINK_VELOCITY], level, bristles, 1.0, row[TIMESTEP])
@@ -73,37 +86,66 @@ def _pull(bus: int, parameters: int, state: int, joint: int) -> None:
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """q and 1; of the hysteretic cable q with the Dahl friction that goes with it."""
+    """q and 1; of a hysteretic cable q with the Dahl friction that goes with it; of a hardening one all."""
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     lower, upper = np.array([0.0, -np.inf]), np.full(2, np.inf)
 
-    def member(pulls: Sequence[Array], shape: Mapping[str, float], law: str | None) -> Member:
+    def pulling(pulls: Sequence[Array], shape: Mapping[str, float], law: str | None) -> Member:
         columns = [np.column_stack([pull, np.ones_like(pull)]) for pull in pulls]
         return Member(dict(shape), (joint,), single_joint(columns), lower, upper, law)
 
-    def hysteretic(shape: Mapping[str, float]) -> Member:
+    def hardening(shape: Mapping[str, float]) -> Member:
+        pulled = [run.q[:, joint] - shape["rest"] for run in runs]
+        columns = [(x * (1 + (x / shape["doubling"]) ** 2))[:, None] for x in pulled]
+        return Member(dict(shape), (joint,), single_joint(columns), lower[:1], upper[:1], HARDENING)
+
+    def member(shape: Mapping[str, float]) -> Member:
+        if "rest" in shape:
+            return hardening(shape)
         pulls = []
         for run in runs:
             rubbed = np.empty((run.samples, 1))
             v = np.ascontiguousarray(run.dq[:, joint])
             unit_bristle(v, np.array([shape["yields"]]), 1.0, 1 / run.sample_rate, rubbed)
             pulls.append(run.q[:, joint] + shape["friction"] * rubbed[:, 0])
-        return member(pulls, shape, HYSTERETIC)
+        return pulling(pulls, shape, HYSTERETIC)
 
-    linear = member([run.q[:, joint] for run in runs], {}, None)
+    ends = [(float(run.q[:, joint].min()), float(run.q[:, joint].max())) for run in runs]
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
+    # A joint that does not move pulls no cable, but a range has two ends.
+    middle, half = (low + high) / 2, max((high - low) / 2, STILL)
+    shapes = [{"friction": f, "yields": y} for f, y in LIKELY]
+    shapes += [
+        {"rest": middle + r * half, "doubling": d * half} for d in LIKELY_DOUBLINGS for r in LIKELY_RESTS
+    ]
+    linear = pulling([run.q[:, joint] for run in runs], {}, None)
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,
-        members=(linear, *(hysteretic({"friction": f, "yields": y}) for f, y in LIKELY)),
+        members=(linear, *(member(shape) for shape in shapes)),
         parameters=_parameters,
-        refine={"friction": FRICTIONS, "yields": YIELDS},
-        member=hysteretic,
+        refine={
+            "friction": FRICTIONS,
+            "yields": YIELDS,
+            "rest": (middle + RESTS[0] * half, middle + RESTS[1] * half),
+            "doubling": (DOUBLINGS[0] * half, DOUBLINGS[1] * half),
+        },
+        member=member,
     )
 
 
 def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
-    """rest = -c_1 / c_0, with the first-order standard deviation."""
-    stiffness, covariance = float(c[0]), covariance[:2, :2]
+    """Stiffness and rest = -c_1 / c_0, with the first-order standard deviation; or as its shapes have it."""
+    stiffness, shape = float(c[0]), member.shape
+    if member.law == HARDENING:
+        # After one coefficient, and the two shapes that it has not.
+        std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        return {
+            "stiffness": Quantity(stiffness, float(std[0]), "N·m/rad"),
+            "rest": Quantity(shape["rest"], float(std[3]), "rad"),
+            "doubling": Quantity(shape["doubling"], float(std[4]), "rad"),
+        }
+    covariance = covariance[:2, :2]
     # A spring that is all offset rests too far away to be one, but not at infinity.
     spring = max(stiffness, 1e-9 * abs(float(c[1])), 1e-30)
     rest = -float(c[1]) / spring
@@ -125,8 +167,10 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     total = stiffness[0] + added
     if total > 0.0:
         element.springref = (stiffness[0] * element.springref + added * rest) / total
-    element.stiffness = [total, *stiffness[1:]]
+    element.stiffness = [total, stiffness[1], stiffness[2] + added * _hardening(injection)]
     sentences = []
+    if injection.law == HARDENING and stiffness.any():
+        sentences.append("the cable hardens about where the joint rests with its own spring")
     if stiffness[1:].any():
         sentences.append("the joint's own spring is a polynomial whose rest position moves with the cable's")
     if injection.law == HYSTERETIC:
