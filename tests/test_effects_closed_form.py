@@ -77,6 +77,15 @@ def test_springs_pull_towards_their_rest(arm: Robot) -> None:
     np.testing.assert_allclose(recording.truth["effect_torque"][:, 1], wanted, atol=2e-3)
 
 
+def test_a_hardening_cable_doubles_its_stiffness(arm: Robot) -> None:
+    recording = run(arm, placed(arm, "cable_spring", "hardening", stiffness=2, rest=-0.3, doubling=0.5))
+    pulled = recording.truth["link_position"][:, 1] + 0.3
+    wanted = -2 * pulled * (1 + (pulled / 0.5) ** 2)
+    # Of half a physics step later.
+    atol = 0.11 * float(np.abs(np.diff(wanted)).max())
+    np.testing.assert_allclose(recording.truth["effect_torque"][:, 1], wanted, atol=atol)
+
+
 @pytest.mark.parametrize("law", ["coulomb", "smooth"])
 def test_coupling_loads_both_joints_with_their_summed_speed(arm: Robot, law: str) -> None:
     recording = run(arm, placed(arm, "joint_coupling", law, viscous=0.7, coulomb=1.1))

@@ -183,6 +183,17 @@ NATIVE = (
 )
 
 
+def test_a_hardening_cable_is_a_polynomial_spring(arm, tmp_path):
+    cable = parse_injection(arm, "cable_spring:lift:law=hardening,stiffness=4,rest=0.3,doubling=0.5")
+    assert write_effects(arm, [cable], tmp_path / "hose.xml") == ()
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "hose.xml"))
+    data = mujoco.MjData(model)
+    for q in (-0.5, 0.1, 0.9):
+        data.qpos[1] = q
+        mujoco.mj_forward(model, data)
+        assert data.qfrc_spring[1] == pytest.approx(-4 * (q - 0.3) * (1 + ((q - 0.3) / 0.5) ** 2))
+
+
 @pytest.fixture(scope="module")
 def simulated(arm) -> dict[str, Recording]:
     runs = callback_runs(arm, [None, *(somewhere(arm, name, **values) for name, values, _ in NATIVE)])

@@ -163,7 +163,7 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     element = joint_element(spec, robot, joint)
     added = injection.values["stiffness"]
     rest = file_angle(spec, robot, joint, injection.values["rest"])
-    stiffness = np.asarray(element.stiffness, dtype=float)
+    stiffness = np.array(element.stiffness, dtype=float)
     total = stiffness[0] + added
     if total > 0.0:
         element.springref = (stiffness[0] * element.springref + added * rest) / total

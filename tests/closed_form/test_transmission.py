@@ -167,3 +167,8 @@ def test_springs_are_explained(arm: Robot, base: np.ndarray, logged: Logged) -> 
     )
     assert left < 1e-9
     assert (found["stiffness"], found["rest"]) == pytest.approx((3, -0.2))
+    pulled, cable = q + 0.2, effects()["cable_spring"].signature([logged], 0, None)
+    hose = single(cable, rest=-0.2, doubling=0.4)
+    left, found = unexplained(base, on_joint(3 * pulled * (1 + (pulled / 0.4) ** 2), 0), hose)
+    assert left < 1e-9
+    assert (found["stiffness"], found["rest"]) == pytest.approx((3, -0.2))
