@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from testbench.effects.cable_spring import HARDENING
 from testbench.effects.signature import Member
 from testbench.robot import Robot
 
@@ -12,7 +13,7 @@ from .bank import Bank
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
 from .evidence import Fit
-from .healthy import ELASTIC, is_plausible
+from .healthy import CABLE, ELASTIC, is_plausible
 from .hypothesis import DELAY, Design
 from .likeliest_shapes import at_likeliest_shape, is_searched
 from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price, weigh
@@ -32,6 +33,9 @@ AS_LIKELY = 25.0
 ITS_OWN = 0.6, 1.6
 # Another law of a play or a spring is tried where one explains this share of the most: it may do as much.
 WORTH_A_LAW = 0.8
+# A cable hardens where a line, or one that rubs, leaves so many times as much of its joint's squared
+# residual: of what the parameters leave of a line, one with two shapes explains a little more by chance.
+HARDENED = 2.0
 # Log-posterior of all runs together that outweighs any that runs left out lose.
 EVIDENCE_AGAINST_RUNS = 30.0
 # First step of a refinement, as a share of the shape's range, and how many shapes are tried; where several go
@@ -177,9 +181,16 @@ def _other_springs(shortlist: Sequence[Weighed], open_: Sequence[Weighed]) -> li
 def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     """What was refined; of plays and springs, by the law that is likeliest at its best shape.
 
-    Far from it, a spring of another law may seem the likelier.
+    Far from it, a spring of another law may seem the likelier. And a cable that hardens, if it surely does.
     """
     family = found.candidate.family
+    if found.candidate.member.law == HARDENING and family.effect == CABLE:
+        others = [candidate(stage.prepared, family, each) for each in family.members if each.law != HARDENING]
+        left = 1 - stage.shares(found.gain)[family.joint]
+        for line in (refined(robot, stage, each) for each in weigh(stage, Bank(stage.ground, others))):
+            if HARDENED * left > 1 - stage.shares(line.gain)[family.joint]:
+                return line
+        return found
     if family.effect not in TRANSMISSIONS:
         return found
     tried = [found]

@@ -41,8 +41,8 @@ def test_what_left_out_runs_leave_at_the_wrong_shape_is_moved_by_all_runs_togeth
     cable = parse_injection(arm, "cable_spring:elbow:law=hysteretic,stiffness=3,rest=0.4")
     prepared = prepare(arm, simulated_runs(arm, [cable], runs=3))
     stage = Stage.of(ground(prepared), [])
-    (proposed,) = weigh(stage, Bank(stage.ground, candidates(prepared, only=["cable_spring"])[4:]))
-    assert proposed.candidate.family.joint == 1
+    cables = [each for each in candidates(prepared, only=["cable_spring"]) if each.family.joint == 1]
+    (proposed,) = weigh(stage, Bank(stage.ground, cables))
     # Left-out runs look no further than this.
     monkeypatch.setattr(shortlist, "search", lambda *found: None)
     chosen = choose(arm, stage, [proposed], [proposed])
@@ -136,3 +136,23 @@ def test_a_spring_whose_column_is_not_its_own_may_be_another_joints(arm):
     chosen = choose(arm, stage, wrong, every)
     assert chosen is not None
     assert chosen[0].candidate.family.joint == 1
+
+
+@pytest.mark.parametrize(
+    ("law", "found"),
+    [
+        ("law=hardening,stiffness=1,doubling=0.5", {"hardening"}),
+        ("law=hardening,stiffness=3,doubling=9", {None, "hysteretic"}),
+    ],
+)
+def test_a_cable_hardens_where_no_line_will_do(arm, law, found):
+    prepared = prepare(
+        arm, simulated_runs(arm, [parse_injection(arm, f"cable_spring:elbow:rest=0.4,{law}")], runs=3)
+    )
+    stage = Stage.of(ground(prepared), [])
+    every = candidates(prepared, only=["cable_spring"])
+    hoses = [each for each in every if each.family.joint == 1 and each.member.law == "hardening"]
+    weighed = weigh(stage, Bank(stage.ground, hoses))
+    chosen = choose(arm, stage, weighed, weighed)
+    assert chosen is not None
+    assert chosen[0].candidate.member.law in found
