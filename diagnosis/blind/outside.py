@@ -96,9 +96,9 @@ def _quadratic_coupling(bus: int, parameters: int, state: int, joint: int) -> No
 
 
 @hook_kernel
-def _cubic_spring(bus: int, parameters: int, state: int, joint: int) -> None:
+def _slack_hose(bus: int, parameters: int, state: int, joint: int) -> None:
     row, value = bus_row(bus, joint), vector(parameters, 3)
-    row[MOTOR_TORQUE] -= value[0] * ((row[POSITION] - value[1]) / value[2]) ** 3
+    row[MOTOR_TORQUE] -= value[0] * max(row[POSITION] - value[1], 0.0) / value[2]
 
 
 @hook_kernel
@@ -115,7 +115,7 @@ OUTSIDE = {
     "acceleration_dependent_friction": OutsideEffect(Stage.FRICTION_LEVEL, _acceleration_friction, state=2),
     "detent_friction": OutsideEffect(Stage.FRICTION_LEVEL, _detent),
     "quadratic_velocity_coupling": OutsideEffect(Stage.TORQUE, _quadratic_coupling),
-    "cubic_spring": OutsideEffect(Stage.TORQUE, _cubic_spring),
+    "slack_hose": OutsideEffect(Stage.TORQUE, _slack_hose),
     "friction_jump": OutsideEffect(Stage.FRICTION_LEVEL, _friction_jump),
 }
 
@@ -160,10 +160,10 @@ def outside_values(
             "speed": speed,
             "neighbour_speed": other,
         },
-        "cubic_spring": {
+        "slack_hose": {
             "size": size,
             "position": near,
-            "range": max(float(np.mean(np.abs(q - near) ** 6)) ** (1 / 6), 1e-6),
+            "range": max(float(np.sqrt(np.mean(np.maximum(q - near, 0.0) ** 2))), 1e-6),
         },
         "friction_jump": {"size": size, "start": rng.uniform(2.0, 6.0)},
     }
