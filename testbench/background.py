@@ -68,6 +68,8 @@ def background(robot: Robot, seed: int | np.random.SeedSequence, scale: float = 
             "cable_spring": {
                 "stiffness": coulomb * rng.uniform(*CABLE),
                 "rest": rng.uniform(-1.0, 1.0),
+                # A hose that hardens is at most twice as stiff at the end of the joint's range.
+                "doubling": min(float(robot.limits.upper[joint] - robot.limits.lower[joint]), 2 * np.pi),
             },
         }
         for name, values in drawn.items():

@@ -21,7 +21,7 @@ SHAPES = {
     "thermal_friction_drift": {"time_constant": (10.0, 60.0)},
     "transmission_ripple": {"cycles": (8.0, 60.0), "phase": (-np.pi, np.pi)},
     "gravity_spring": {"phase": (-np.pi, np.pi)},
-    "cable_spring": {"rest": (-1.0, 1.0), "doubling": (0.7, 3.0)},
+    "cable_spring": {"rest": (-1.0, 1.0), "doubling": (0.5, 1.5)},
     "encoder_eccentricity": {"phase": (-np.pi, np.pi)},
     "external_contact": {"start": (1.0, 6.0), "duration": (0.2, 1.0)},
 }
@@ -94,6 +94,11 @@ def drawn_injection(
             at_limit = (BENT[0] + severity * (BENT[1] - BENT[0])) * scale_of("viscous_torque", robot, joint)
             speed = speed_limit(robot.limits, joint) ** values["exponent"]
             values["coefficient"] = float(rng.choice((-1.0, 1.0))) * at_limit / speed
+    if name == "cable_spring":
+        assert joint is not None
+        # Of half the joint's range.
+        half = float(robot.limits.upper[joint] - robot.limits.lower[joint]) / 2
+        values["doubling"] *= min(half, np.pi)
     if name == "torque_saturation":
         assert joint is not None
         clipped = CLIPPED[0] + severity * (CLIPPED[1] - CLIPPED[0])
