@@ -21,7 +21,8 @@ ELASTIC, CABLE = "joint_elasticity", "cable_spring"
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
 HEALTHY: Mapping[str, float] = {
-    # Springs that stiffen, and bristles that do not slip at first, are fitted two to three times too stiff.
+    # By their first law springs that stiffen, and bristles that do not slip at first, are fitted two to three
+    # times too stiff.
     ELASTIC: 0.35,
     "presliding_hysteresis": 0.3,
     "asymmetric_friction": 2.0,

@@ -1,12 +1,12 @@
 """The shortlist of a round: its effects at their best shapes, fitted in full, the likeliest, its rivals."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 import numpy as np
 from numpy.typing import NDArray
 
 from testbench.effects.cable_spring import HARDENING
-from testbench.effects.signature import Member
+from testbench.effects.signature import Family, Member
 from testbench.robot import Robot
 
 from .bank import Bank
@@ -183,27 +183,37 @@ def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
 
     Far from it, a spring of another law may seem the likelier. And a cable that hardens, if it surely does.
     """
-    family = found.candidate.family
-    if found.candidate.member.law == HARDENING and family.effect == CABLE:
-        others = [candidate(stage.prepared, family, each) for each in family.members if each.law != HARDENING]
-        left = 1 - stage.shares(found.gain)[family.joint]
-        for line in (refined(robot, stage, each) for each in weigh(stage, Bank(stage.ground, others))):
-            if HARDENED * left > 1 - stage.shares(line.gain)[family.joint]:
-                return line
-        return found
+    family, own = found.candidate.family, found.candidate.member.law
+    if family.effect == CABLE and own == HARDENING:
+        return _unless_a_line_will_do(robot, stage, found)
     if family.effect not in TRANSMISSIONS:
         return found
     tried = [found]
     for law in dict.fromkeys(each.law for each in family.members):
-        if law != found.candidate.member.law:
-            others = [candidate(stage.prepared, family, each) for each in family.members if each.law == law]
-            best = weigh(stage, Bank(stage.ground, others))
-            tried += [refined(robot, stage, each, MORE_TRIED) for each in best]
+        if law != own:
+            tried += _best_of(robot, stage, family, {law}, MORE_TRIED)
     if len(tried) == 1:
         return found
     # As far as the others.
     tried[0] = refined(robot, stage, found, MORE_TRIED)
     return max(tried, key=lambda each: log_likelihood(*stage.compared(each.candidate)))
+
+
+def _unless_a_line_will_do(robot: Robot, stage: Stage, hose: Weighed) -> Weighed:
+    """A cable that hardens, or the best by its other laws where these leave little more."""
+    family = hose.candidate.family
+    others = {each.law for each in family.members} - {HARDENING}
+    left = 1 - stage.shares(hose.gain)[family.joint]
+    lines = _best_of(robot, stage, family, others)
+    return next((w for w in lines if HARDENED * left > 1 - stage.shares(w.gain)[family.joint]), hose)
+
+
+def _best_of(
+    robot: Robot, stage: Stage, family: Family, laws: Set[str | None], tried: int = TRIED
+) -> list[Weighed]:
+    """The family's best member by these laws, refined; nothing where none of them shows."""
+    members = [candidate(stage.prepared, family, each) for each in family.members if each.law in laws]
+    return [refined(robot, stage, each, tried) for each in weigh(stage, Bank(stage.ground, members))]
 
 
 def refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -> Weighed:

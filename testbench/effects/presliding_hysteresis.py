@@ -149,7 +149,7 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
         coulomb = float(robot.parameters.reshape(robot.joints, -1)[joint, COULOMB_PARAMETER])
     bristles = injection.values["stiffness"], _damping_ratio(injection)
     passive_device(spec, robot, joint, "bristles", lugre=(coulomb, coulomb, 1.0), bristles=bristles)
-    if injection.law == "elasto_plastic":
+    if injection.law == ELASTO_PLASTIC:
         return ("MuJoCo's bristles are LuGre's: they creep below the breakaway deflection",)
     if injection.law == DAHL_EXPONENT:
         return ("MuJoCo's bristles are LuGre's: they yield by an exponent of one",)
