@@ -149,4 +149,5 @@ def _row(parameter: EffectParameter) -> str:
     low, high = sorted(parameter.typical)
     share = f" × {parameter.relative_to.replace('_', ' ')}" if parameter.relative_to else ""
     bounds = f"{parameter.lower:g} to {parameter.upper:g}"
-    return f"| {parameter.name} | {parameter.unit} | {bounds} | {low:g} to {high:g}{share} |"
+    only = f", {parameter.law} alone" if parameter.law else ""
+    return f"| {parameter.name} | {parameter.unit} | {bounds} | {low:g} to {high:g}{share}{only} |"

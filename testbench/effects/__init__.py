@@ -65,8 +65,8 @@ def injection(
 ) -> Injection:
     """A checked injection. Values that are not given are the middle of the typical range.
 
-    joint, into: a joint's name, or its number from 1. Raises InputError for what the robot or the
-    effect does not have, and for values outside their bounds.
+    What the law has not is left out. joint, into: a joint's name, or its number from 1. Raises InputError for
+    what the robot or the effect does not have, and for values outside their bounds.
     """
     description = effect(name).DESCRIPTION
     first, second = _joint(robot, name, joint), _joint(robot, name, into)
@@ -93,7 +93,8 @@ def injection(
         inside = isinstance(value, (int, float)) and bounds.lower <= value <= bounds.upper
         _require(name, key, f"{bounds.lower:g} to {bounds.upper:g} {bounds.unit}", value, inside)
     filled = typical_values(description, robot, first) | {key: float(value) for key, value in given.items()}
-    return Injection(effect=name, joint=first, values=filled, law=chosen, into=second)
+    own = {key: value for key, value in filled.items() if known[key].law in ("", chosen)}
+    return Injection(effect=name, joint=first, values=own, law=chosen, into=second)
 
 
 def parse_injection(robot: Robot, text: str) -> Injection:

@@ -18,7 +18,8 @@ class EffectParameter:
 
     name, unit: as the diagnosis states them. lower, upper: hard bounds. typical: (mild, severe) on an
     industrial arm; for parameters that scale with the joint, as a share of ``relative_to`` (coulomb, viscous,
-    viscous_torque, torque_limit, gravity, link_inertia), else absolute and relative_to is "".
+    viscous_torque, torque_limit, gravity, link_inertia), else absolute and relative_to is "". law: the only
+    one of the effect's that has it; "" for all.
     """
 
     name: str
@@ -27,6 +28,7 @@ class EffectParameter:
     upper: float
     typical: tuple[float, float]
     relative_to: str = ""
+    law: str = ""
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ DESCRIPTION = EffectDescription(
     parameters=(
         EffectParameter("stiffness", "N·m/rad", 0.0, np.inf, (0.05, 0.5), "coulomb"),
         EffectParameter("rest", "rad", -10.0, 10.0, (0.0, 0.5)),
-        EffectParameter("doubling", "rad", 1e-3, np.inf, (1.0, 1.0)),
+        EffectParameter("doubling", "rad", 1e-3, np.inf, (1.0, 1.0), law=HARDENING),
     ),
     laws=(LINEAR, HYSTERETIC, HARDENING),
     confused_with=("gravity_spring", "asymmetric_friction", "base_tilt"),

@@ -41,7 +41,7 @@ DESCRIPTION = EffectDescription(
     parameters=(
         EffectParameter("viscous", "N·m·s/rad", 0.0, np.inf, (0.1, 0.8), "viscous"),
         EffectParameter("coulomb", "N·m", 0.0, np.inf, (0.1, 0.8), "coulomb"),
-        EffectParameter("width", "rad/s", 1e-4, np.inf, (0.01, 0.01)),
+        EffectParameter("width", "rad/s", 1e-4, np.inf, (0.01, 0.01), law="smooth"),
     ),
     laws=("coulomb", "smooth"),
     confused_with=("load_dependent_friction",),

@@ -43,7 +43,7 @@ DESCRIPTION = EffectDescription(
     parameters=(
         EffectParameter("stiffness", "N·m/rad", 1e-3, np.inf, (18000.0, 2000.0), "link_inertia"),
         EffectParameter("damping", "N·m·s/rad", 0.0, np.inf, (10.0, 10.0), "link_inertia"),
-        EffectParameter("doubling_windup", "rad", 1e-6, np.inf, (4e-3, 4e-3)),
+        EffectParameter("doubling_windup", "rad", 1e-6, np.inf, (4e-3, 4e-3), law="hardening"),
     ),
     laws=("two_mass", "hardening", "quasi_static"),
     confused_with=("torque_delay", "actuator_lag", "backlash"),

@@ -41,7 +41,7 @@ DESCRIPTION = EffectDescription(
     scope=Scope.JOINT,
     parameters=(
         EffectParameter("stiffness", "N·m/rad", 0.0, np.inf, (1500.0, 200.0), "coulomb"),
-        EffectParameter("exponent", "-", 0.0, 4.0, (2.0, 2.0)),
+        EffectParameter("exponent", "-", 0.0, 4.0, (2.0, 2.0), law="dahl_exponent"),
     ),
     laws=("dahl", "lugre", "elasto_plastic", "dahl_exponent"),
     confused_with=("stribeck_friction", "backlash"),
