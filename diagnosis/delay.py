@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from testbench.effects import effect
 
 from .bounded import solve
-from .evidence import Fit, Normal
+from .evidence import Fit, normal_of
 from .ground import ground
 from .hypothesis import DELAY, Design, bounds, design, log_prior, scaled_precision
 from .likelihood import log_of_squares
@@ -50,11 +50,7 @@ class _Shifted:
         rest = [each for each in hypothesis.accepted if each.family.effect != DELAY]
         self.hypothesis = design(hypothesis.prepared, rest, is_delayed=True)
         self.base, self.weights = ground(hypothesis.prepared), fitted.weights
-        self.x = [
-            [np.concatenate(both, axis=1) for both in zip(x, z, strict=True)]
-            for x, z in zip(self.base.x, self.hypothesis.added_rows(), strict=True)
-        ]
-        products = Normal(self.hypothesis).weighted(self.weights)[0].sum(axis=0)
+        products = normal_of(self.hypothesis).weighted(self.weights)[0].sum(axis=0)
         self.matrix = products + np.diag(scaled_precision(self.hypothesis, fitted.prior_scales))
         self.lower, self.upper = bounds(self.hypothesis)
         self.xy = np.sum([self._products(run, left) for run, left in enumerate(self.base.gap)], axis=0)
@@ -76,8 +72,8 @@ class _Shifted:
         squares = np.array(
             [
                 sum(
-                    float(np.sum((own[j] - x[j] @ values[base.loading[j]]) ** 2))
-                    for x, own in zip(self.x, y, strict=True)
+                    float(np.sum((own[j] - x[j] @ values[self.hypothesis.loading[j]]) ** 2))
+                    for x, own in zip(self.hypothesis.x, y, strict=True)
                 )
                 for j in joints
             ]
@@ -100,5 +96,5 @@ class _Shifted:
     def _products(self, run: int, torque: Array) -> Array:
         """X'y of a run's torque (M, n), by joint (n, p)."""
         own = [fold for fold, (of_run, _) in enumerate(self.base.folds) if of_run == run]
-        y = [[torque[rows, joint] for joint, rows in enumerate(self.base.used[fold])] for fold in own]
-        return self.base.products([self.x[fold] for fold in own], y).sum(axis=0)
+        y = {fold: [torque[rows, j] for j, rows in enumerate(self.base.used[fold])] for fold in own}
+        return self.hypothesis.products(y).sum(axis=0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Member
 
 from .candidates import Candidate, candidate
-from .evidence import Fit, Normal
+from .evidence import Fit, normal_of
 from .hypothesis import Design, scaled_precision
 from .shape_search import ranges, share_of, within
 
@@ -41,7 +41,7 @@ def covariance_with_shapes(hypothesis: Design, fitted: Fit, index: int) -> Array
         (*hypothesis.accepted, slopes),
         np.concatenate([hypothesis.precision, np.zeros(slopes.count)]),
     )
-    information = Normal(extended).weighted(fitted.weights)[0].sum(axis=0)
+    information = normal_of(extended).weighted(fitted.weights)[0].sum(axis=0)
     information[np.diag_indices_from(information)] += scaled_precision(extended, fitted.prior_scales)
     scale = 1 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     inverse = np.outer(scale, scale) * np.linalg.pinv(information * np.outer(scale, scale), hermitian=True)

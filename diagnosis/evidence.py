@@ -6,6 +6,7 @@ units of chi-squared for coloured residuals too.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,18 +80,25 @@ class Normal:
         self.xx[:, :, :first, :first], self.xy[:, :, :first] = base.xx, base.xy
         if not hypothesis.accepted:
             return
-        added = hypothesis.added_rows()
-        for fold in range(folds):
-            for joint in range(n):
-                z = added[fold][joint]
-                cross, own = base.x[fold][joint].T @ z, slice(base.loading[joint].start, first)
-                self.xx[fold, joint, own, first:], self.xx[fold, joint, first:, own] = cross, cross.T
-                self.xx[fold, joint, first:, first:] = z.T @ z
-                self.xy[fold, joint, first:] = z.T @ base.y[fold][joint]
+        for joint, loading in enumerate(hypothesis.loading):
+            before, at = loading[loading < first], loading[loading >= first]
+            for fold in range(folds):
+                x, z = base.x[fold][joint], hypothesis.added[fold][joint]
+                cross = x.T @ z
+                self.xx[fold, joint, before[:, None], at] = cross
+                self.xx[fold, joint, at[:, None], before] = cross.T
+                self.xx[fold, joint, at[:, None], at] = z.T @ z
+                self.xy[fold, joint, at] = z.T @ base.y[fold][joint]
 
     def weighted(self, weights: Array) -> tuple[Array, Array]:
         """The sums of each fold over the joints by their weights (n,): (F, p, p) and (F, p)."""
         return np.einsum("j,fjab->fab", weights, self.xx), np.einsum("j,fja->fa", weights, self.xy)
+
+
+@lru_cache(maxsize=2)
+def normal_of(hypothesis: Design) -> Normal:
+    """The sums of a hypothesis; those of the last two are remembered."""
+    return Normal(hypothesis)
 
 
 def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:
@@ -98,7 +106,7 @@ def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:
 
     like: with this fit's weights and prior scales instead, by which hypotheses can be compared.
     """
-    normal = Normal(hypothesis)
+    normal = normal_of(hypothesis)
     lower, upper = bounds(hypothesis)
     weights, prior_scales = (
         _weights_and_scale(hypothesis, normal) if like is None else (like.weights, like.prior_scales)
@@ -162,7 +170,7 @@ def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:
     of_run = np.array([run for run, _ in prepared.folds])
     folds = tuple(
         np.stack([part[of_run == run].sum(axis=0) for run, _ in whole])
-        for part in Normal(hypothesis).weighted(fitted.weights)
+        for part in normal_of(hypothesis).weighted(fitted.weights)
     )
     return _with_held_out(hypothesis, fitted, folds, whole)
 
@@ -229,5 +237,5 @@ def _left(hypothesis: Design, run: int, part: slice, values: Array) -> Array:
     each = zip(base.columns[run], base.loading, strict=True)
     left = base.gap[run][part] - np.column_stack([columns[part] @ own[loading] for columns, loading in each])
     for candidate, part_of in zip(hypothesis.accepted, hypothesis.parts, strict=True):
-        left -= candidate.columns[run][part] @ values[part_of]
+        left[:, list(candidate.member.rows)] -= candidate.filtered[run][part] @ values[part_of]
     return np.where(hypothesis.prepared.runs[run].used[part], left, 0.0)

@@ -4,7 +4,7 @@ Rigid body, rotors, friction and offsets of every joint, and a common timing err
 hypothesis adds its effects' own few columns.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -66,20 +66,19 @@ class Ground:
         for fold, of_fold in enumerate(self.x):
             for joint, (x, own) in enumerate(zip(of_fold, self.loading, strict=True)):
                 self.xx[fold, joint, own, own] = x.T @ x
-        self.xy = self.products(self.x, self.y)
+        self.xy = self.products(dict(enumerate(self.y)))
 
     @property
     def parameters(self) -> int:
         """Number of unknowns without effects, p."""
         return len(self.precision)
 
-    def products(self, x: Sequence[Sequence[Array]], y: Sequence[Sequence[Array]]) -> Array:
-        """X'y by fold and joint, (F, n, p), of rows (m, u) with what loads the joint alone, and (m,)."""
-        # All unknowns load the first joint.
-        found = np.zeros((len(x), self.joints, x[0][0].shape[1]))
-        for fold, both in enumerate(zip(x, y, strict=True)):
-            for joint, (rows, left) in enumerate(zip(*both, strict=True)):
-                found[fold, joint, self.loading[joint]] = rows.T @ left
+    def products(self, y: Mapping[int, Sequence[Array]]) -> Array:
+        """X'y (F, n, p) of used rows (m,) of some folds: by fold, in their order, and joint."""
+        found = np.zeros((len(y), self.joints, self.parameters))
+        for place, (fold, left) in enumerate(y.items()):
+            for joint, own in enumerate(self.loading):
+                found[place, joint, own] = self.x[fold][joint].T @ left[joint]
         return found
 
     def rows(self, runs: Sequence[Array]) -> list[list[Array]]:

@@ -4,7 +4,7 @@ Unknowns are the deviations of the standard parameters from the model's, held ba
 prior.py, a common timing error, and the coefficients of the effects taken in so far.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -37,7 +37,7 @@ DELAY, NO_TIMING = "torque_delay", 1e-8
 LATE = 2.4e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Design:
     """The hypothesis that these effects act on the prepared runs, and no other.
 
@@ -104,16 +104,51 @@ class Design:
         """The joints at which any of these effects acts."""
         return {each.family.joint for each in self.accepted if each.family.effect in names}
 
-    def added(self, run: int) -> Array:
-        """The effects' columns along one run, (M, n, k)."""
-        run_gap = self.gap[run]
-        return np.concatenate(
-            [np.zeros((*run_gap.shape, 0)), *(c.columns[run] for c in self.accepted)], axis=2
+    @cached_property
+    def loading(self) -> tuple[NDArray[np.int64], ...]:
+        """The unknowns that load each joint, (n,) of (u,): the base regressor's, then what reaches it."""
+        reached = [
+            [np.arange(part.start, part.stop) for c, part in self._effects() if joint in c.member.rows]
+            for joint in range(self.prepared.joints)
+        ]
+        base = np.arange(self.parameters)
+        return tuple(
+            np.concatenate([base[own], *of_joint])
+            for own, of_joint in zip(ground(self.prepared).loading, reached, strict=True)
         )
 
-    def added_rows(self) -> list[list[Array]]:
-        """The used rows of the effects' columns, (m, k): a fold, a joint."""
-        return ground(self.prepared).rows([self.added(run) for run in range(len(self.gap))])
+    @cached_property
+    def added(self) -> list[list[Array]]:
+        """Used rows of the effects' columns that reach a joint, (m, k): a fold, a joint."""
+        base = ground(self.prepared)
+
+        def rows(fold: int, joint: int) -> Array:
+            own = [c for c in self.accepted if joint in c.member.rows]
+            each = [base.rows_of(c.filtered, fold, joint, c.member.rows.index(joint)) for c in own]
+            return np.concatenate([np.zeros((len(base.used[fold][joint]), 0)), *each], axis=1)
+
+        return [[rows(fold, joint) for joint in range(base.joints)] for fold in range(len(base.folds))]
+
+    @cached_property
+    def x(self) -> list[list[Array]]:
+        """Used rows of what loads a joint, (m, u): a fold, a joint."""
+        base = ground(self.prepared).x
+        return [
+            [np.concatenate(both, axis=1) for both in zip(x, z, strict=True)]
+            for x, z in zip(base, self.added, strict=True)
+        ]
+
+    def products(self, y: Mapping[int, Sequence[Array]]) -> Array:
+        """X'y (F, n, p) of used rows (m,) of some folds: by fold, in their order, and joint."""
+        found = np.zeros((len(y), self.prepared.joints, len(self.precision)))
+        found[:, :, : self.parameters] = ground(self.prepared).products(y)
+        for place, (fold, left) in enumerate(y.items()):
+            for joint, own in enumerate(self.loading):
+                found[place, joint, own[own >= self.parameters]] = self.added[fold][joint].T @ left[joint]
+        return found
+
+    def _effects(self) -> Iterator[tuple[Candidate, slice]]:
+        return zip(self.accepted, self.parts, strict=True)
 
 
 def design(prepared: Prepared, accepted: Sequence[Candidate] = (), is_delayed: bool = False) -> Design:

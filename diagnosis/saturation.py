@@ -160,8 +160,8 @@ def asked_torque(prepared: Prepared, joint: int) -> list[Array]:
 
 def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     ground, weights, joint = stage.ground, stage.weights, limit.joint
-    folds, n, loading = range(len(ground.folds)), ground.joints, ground.loading[limit.joint]
-    cut = [ground.rows_of(limit.candidate.columns, f, joint)[:, 0] for f in folds]
+    folds, n, loading = range(len(ground.folds)), ground.joints, stage.hypothesis.loading
+    cut = [ground.rows_of(limit.candidate.filtered, f, joint, 0)[:, 0] for f in folds]
     used = [ground.used[f][joint] for f in folds]
     beyond = [limit.beyond[run][used[f]] for f, (run, _) in enumerate(ground.folds)]
     count = sum(int(rows.sum()) for rows in beyond)
@@ -172,11 +172,11 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     # What a fold's rows say of the parameters, less those beyond the limit.
     xx, xy = [], []
     for f in folds:
-        x, y, out = stage.x[f][joint], ground.y[f][joint], beyond[f]
+        x, y, out = stage.hypothesis.x[f][joint], ground.y[f][joint], beyond[f]
         xx.append(stage.parts[f].copy())
-        xx[f][loading, loading] -= weights[joint] * x[out].T @ x[out]
+        xx[f][loading[joint][:, None], loading[joint]] -= weights[joint] * x[out].T @ x[out]
         xy.append(weights @ stage.xy[f])
-        xy[f][loading] -= weights[joint] * x.T @ np.where(out, y, cut[f])
+        xy[f][loading[joint]] -= weights[joint] * x.T @ np.where(out, y, cut[f])
     lower, upper = stage.fitted.bounds
     whole = stage.parts.sum(axis=0) + stage.precision
     values = solve(_of_what_is_left(sum(xx) + stage.precision, whole), sum(xy), lower, upper)
@@ -187,7 +187,7 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
         apart = _of_what_is_left(sum(xx) - xx[f] + stage.precision, whole)
         own = solve(apart, sum(xy) - xy[f], lower, upper)
         for j in range(n):
-            left = ground.y[f][j] - stage.x[f][j] @ own[ground.loading[j]]
+            left = ground.y[f][j] - stage.hypothesis.x[f][j] @ own[loading[j]]
             if j == joint:
                 out = beyond[f]
                 before = left[out] ** 2

@@ -13,7 +13,7 @@ from .bank import Bank
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
 from .evidence import Fit
-from .healthy import CABLE, ELASTIC, is_plausible
+from .healthy import BRISTLES, CABLE, ELASTIC, is_plausible
 from .hypothesis import DELAY, Design
 from .likeliest_shapes import at_likeliest_shape, is_searched
 from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price, weigh
@@ -31,7 +31,8 @@ RIVAL_LEFT = 0.5
 AS_LIKELY = 25.0
 # The coefficient of a play's or a spring's column where its shape is about right: of one.
 ITS_OWN = 0.6, 1.6
-# Another law of a play or a spring is tried where one explains this share of the most: it may do as much.
+# Another law of a play, a spring or bristles is tried where one explains this share of the most: it may do as
+# much.
 WORTH_A_LAW = 0.8
 # A cable hardens where a line, or one that rubs, leaves so many times as much of its joint's squared
 # residual: of what the parameters leave of a line, one with two shapes explains a little more by chance.
@@ -71,7 +72,7 @@ def choose(
     ]
     likelihoods = _by_all_runs(listed, compared, foretold)
     first, before = int(np.argmax(likelihoods)), log_likelihood(stage.hypothesis, stage.fitted)
-    if len(shortlist[first].candidate.family.refine) > 1:
+    if len(searched_for(shortlist[first].candidate)) > 1:
         shortlist[first] = refined(robot, stage, shortlist[first], MORE_TRIED)
     # The price is for rivals; here nothing is to make the fit far worse.
     if likelihoods[first] + price(stage.hypothesis, listed[first]) <= before and not _is_told_by_all_runs(
@@ -179,14 +180,14 @@ def _other_springs(shortlist: Sequence[Weighed], open_: Sequence[Weighed]) -> li
 
 
 def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
-    """What was refined; of plays and springs, by the law that is likeliest at its best shape.
+    """What was refined; of plays, springs and bristles, by the law that is likeliest at its best shape.
 
-    Far from it, a spring of another law may seem the likelier. And a cable that hardens, if it surely does.
+    Far from it, one of another law may seem the likelier. And a cable that hardens, if it surely does.
     """
     family, own = found.candidate.family, found.candidate.member.law
     if family.effect == CABLE and own == HARDENING:
         return _unless_a_line_will_do(robot, stage, found)
-    if family.effect not in TRANSMISSIONS:
+    if family.effect not in (*TRANSMISSIONS, BRISTLES):
         return found
     tried = [found]
     for law in dict.fromkeys(each.law for each in family.members):

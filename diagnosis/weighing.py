@@ -16,7 +16,7 @@ from .active_set import Inverse, at_bounds
 from .bank import Bank
 from .bounded import minimisers, solve
 from .candidates import Candidate
-from .evidence import Fit, Normal, fit, fitted_to, squares
+from .evidence import Fit, fit, fitted_to, normal_of, squares
 from .ground import Ground
 from .hypothesis import Design, design, log_prior, scaled_precision
 
@@ -57,21 +57,14 @@ class Stage:
     def __init__(self, ground: Ground, hypothesis: Design, fitted: Fit):
         self.ground, self.hypothesis, self.fitted = ground, hypothesis, fitted
         self.prepared, self.weights = ground.prepared, fitted.weights
-        folds, n = range(len(ground.folds)), ground.joints
-        self.x, self.added = ground.x, [[np.zeros((len(x), 0)) for x in fold] for fold in ground.x]
-        if hypothesis.accepted:
-            self.added = hypothesis.added_rows()
-            self.x = [
-                [np.concatenate([ground.x[f][j], self.added[f][j]], axis=1) for j in range(n)] for f in folds
-            ]
         self.residual, self.held = ground.rows(fitted.residual), ground.rows(fitted.held_out)
-        normal = Normal(hypothesis)
+        normal = normal_of(hypothesis)
         self.xx, self.xy = normal.xx, normal.xy
         self.parts = np.einsum("j,fjab->fab", self.weights, self.xx)
         self.precision = np.diag(scaled_precision(hypothesis, fitted.prior_scales))
         self.total = self.parts.sum(axis=0) + self.precision
-        self.xh = ground.products(self.x, self.held)
-        folds_falls = np.einsum("j,fjp->fp", self.weights, ground.products(self.x, self.residual))
+        self.xh, falls = (hypothesis.products(dict(enumerate(of))) for of in (self.held, self.residual))
+        folds_falls = np.einsum("j,fjp->fp", self.weights, falls)
         # Half of how fast the objective falls with each unknown: zero but for what is at a bound.
         self.falls = folds_falls.sum(axis=0) - self.precision @ fitted.values
         # What is at a bound moves with no candidate.
@@ -223,9 +216,9 @@ class Stage:
         sums = _Sums(np.zeros((len(folds), columns, p)), np.zeros((len(folds), columns)), {}, {})
         for f, j in product(folds, bank.joints):
             z, at, weight = bank.z[f][j], bank.reached[j], self.weights[j]
-            with_x = np.concatenate([bank.zx[f][j], z.T @ self.added[f][j]], axis=1)
+            with_x = np.concatenate([bank.zx[f][j], z.T @ self.hypothesis.added[f][j]], axis=1)
             sums.with_x[f, j], sums.with_held[f, j] = with_x, z.T @ self.held[f][j]
-            sums.cross[f, at, self.ground.loading[j]] += weight * with_x
+            sums.cross[f, at[:, None], self.hypothesis.loading[j]] += weight * with_x
             sums.right[f, at] += weight * (z.T @ self.residual[f][j])
         return sums
 
@@ -254,7 +247,7 @@ class Stage:
             for j in bank.joints:
                 at = bank.reached[j]
                 owner = bank.owner[at]
-                own = moved[self.ground.loading[j]][:, owner]
+                own = moved[self.hypothesis.loading[j][:, None], owner]
                 meet = sums.with_held[f, j] - np.einsum("ku,uk->k", sums.with_x[f, j], own)
                 drop[:, j] += np.bincount(owner, 2 * apart[f, at] * meet, minlength=count)
         return drop

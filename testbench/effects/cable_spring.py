@@ -54,8 +54,8 @@ FRICTIONS, YIELDS = (0.03, 0.6), (0.02, 0.4)
 LIKELY = ((0.1, 0.05), (0.3, 0.05), (0.2, 0.15))
 # Where a hardening one rests, and how far from there its stiffness doubles, from the middle of the motion's
 # range and in halves of it: what is looked for first, and what it may be.
-LIKELY_RESTS, RESTS = (-1.0, -0.5, 0.0, 0.5, 1.0), (-1.5, 1.5)
-LIKELY_DOUBLINGS, DOUBLINGS = (0.5, 1.0), (0.2, 3.0)
+LIKELY_RESTS, RESTS = (-0.75, 0.0, 0.75), (-1.5, 1.5)
+LIKELY_DOUBLING, DOUBLINGS = 0.6, (0.2, 3.0)
 # rad.
 STILL = 1e-6
 
@@ -115,9 +115,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     # A joint that does not move pulls no cable, but a range has two ends.
     middle, half = (low + high) / 2, max((high - low) / 2, STILL)
     shapes = [{"friction": f, "yields": y} for f, y in LIKELY]
-    shapes += [
-        {"rest": middle + r * half, "doubling": d * half} for d in LIKELY_DOUBLINGS for r in LIKELY_RESTS
-    ]
+    shapes += [{"rest": middle + r * half, "doubling": LIKELY_DOUBLING * half} for r in LIKELY_RESTS]
     linear = pulling([run.q[:, joint] for run in runs], {}, None)
     return Family(
         effect=DESCRIPTION.name,
