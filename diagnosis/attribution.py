@@ -44,6 +44,7 @@ from .saturation import Cut, cuts
 from .sought import Sought
 from .transmission_load import linearised_until_settled
 from .unclaimed import Unclaimed, unclaimed
+from .vibration import vibrations
 from .weighing import Stage
 
 Array = NDArray[np.float64]
@@ -154,7 +155,7 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
     accepted = of_one_joint(sized, told_apart_at_last(last, sized, accepted, weighed), open_, last)
     certain = [a.candidate for a in accepted if a.is_certain]
     sure = None if len(certain) == len(accepted) else Stage.of(base, certain)
-    imitations = (laws_of_position, many_laws, resonances)
+    imitations = (laws_of_position, many_laws, resonances, vibrations)
     imitated = [each for kind in imitations for each in kind(original, last, accepted)]
     hidden = not_observable(sized, base.torque_rms, open_)
     hypothesis, fitted = at_likeliest_shapes(sized, hypothesis, fitted)

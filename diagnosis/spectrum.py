@@ -82,8 +82,8 @@ def band_names() -> tuple[str, ...]:
     return (f"below {EDGES[0]:g} Hz", *between, f"above {EDGES[-1]:g} Hz")
 
 
-def _rate(run: Run) -> float:
-    """Samples a second after decimation."""
+def kept_rate(run: Run) -> float:
+    """Samples a second after decimation, Hz."""
     return run.logged.sample_rate / run.filters[0].step
 
 
@@ -105,7 +105,7 @@ def _in_bands(values: Array, used: Mask, rate: float) -> Array:
 def _squares(runs: Sequence[Run], values: Sequence[Array], used: Sequence[Mask]) -> Array:
     """Squares of one series a run (M,), divided into bands, where it is used: (K, bands) of all runs."""
     parts = zip(runs, values, used, strict=True)
-    return np.concatenate([_in_bands(each, u, _rate(run))[u] ** 2 for run, each, u in parts])
+    return np.concatenate([_in_bands(each, u, kept_rate(run))[u] ** 2 for run, each, u in parts])
 
 
 def _white(runs: Sequence[Run], joint: int, used: Sequence[Mask]) -> Array:

@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 ACCELERATION_LAG, HIGHEST_ACCELERATION = 0.01, 2.0
 # A detent acts in a small part of the range only, so it is so much higher.
 DETENT_HEIGHT = 3.0
+# Hz, of what shakes a joint from outside.
+SHAKEN = (3.0, 14.0)
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,12 @@ def _friction_jump(bus: int, parameters: int, state: int, joint: int) -> None:
         row[COULOMB] += value[0]
 
 
+@hook_kernel
+def _vibration(bus: int, parameters: int, state: int, joint: int) -> None:
+    row, value = bus_row(bus, joint), vector(parameters, 3)
+    row[MOTOR_TORQUE] -= value[0] * np.sin(2 * np.pi * value[1] * row[TIME] + value[2])
+
+
 OUTSIDE = {
     "position_dependent_friction": OutsideEffect(Stage.FRICTION_LEVEL, _position_friction),
     "neighbour_dependent_friction": OutsideEffect(Stage.FRICTION_LEVEL, _neighbour_friction),
@@ -117,6 +125,7 @@ OUTSIDE = {
     "quadratic_velocity_coupling": OutsideEffect(Stage.TORQUE, _quadratic_coupling),
     "slack_hose": OutsideEffect(Stage.TORQUE, _slack_hose),
     "friction_jump": OutsideEffect(Stage.FRICTION_LEVEL, _friction_jump),
+    "vibration": OutsideEffect(Stage.TORQUE, _vibration),
 }
 
 
@@ -166,5 +175,10 @@ def outside_values(
             "range": max(float(np.sqrt(np.mean(np.maximum(q - near, 0.0) ** 2))), 1e-6),
         },
         "friction_jump": {"size": size, "start": rng.uniform(2.0, 6.0)},
+        "vibration": {
+            "size": np.sqrt(2) * size,
+            "frequency": rng.uniform(*SHAKEN),
+            "phase": rng.uniform(-np.pi, np.pi),
+        },
     }
     return {key: float(value) for key, value in drawn[name].items()}
