@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.blind.outside import OUTSIDE
 from diagnosis.candidates import Candidate, candidate
 from diagnosis.evidence import fit
 from diagnosis.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
@@ -35,7 +36,7 @@ NOT_READ = (
 def simulated_runs(
     robot: Robot, injections: Sequence[Injection], runs: int = 2, noise: float = 0.002, seed: int = 3
 ) -> dict[str, Recording]:
-    """Runs of random motions, 18-bit encoders and white torque noise."""
+    """Runs of random motions, 18-bit encoders and white torque noise; effects may be in no catalogue."""
     references = []
     for index in range(runs):
         options = DesignOptions(harmonics=(5, 12, 8)[index % 3], base_frequency=0.2, seed=seed + index)
@@ -46,7 +47,7 @@ def simulated_runs(
         physics_timestep=5e-4,
         effects=tuple(injections),
     )
-    recordings = simulate(robot, references, options, seed=seed)
+    recordings = simulate(robot, references, options, seed=seed, beside=OUTSIDE)
     return {f"run_{index + 1}": recording for index, recording in enumerate(recordings)}
 
 

@@ -1,0 +1,29 @@
+"""What shakes a joint at one frequency is not named a lag of its drive; a lag is."""
+
+import pytest
+
+from diagnosis.diagnose import diagnose
+from diagnosis.vibration import VIBRATION
+from testbench.effects import parse_injection
+from testbench.effects.base import Injection
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+
+@pytest.mark.parametrize(("frequency", "size"), [(8.0, 0.5), (12.0, 0.5)])
+def test_a_joint_that_is_shaken_at_one_frequency_has_no_lag(tmp_path, frequency, size):
+    shaken = Injection("vibration", 1, {"size": size, "frequency": frequency, "phase": 0.3})
+    arm = small_arm(tmp_path)
+    found = diagnose(arm, simulated_runs(arm, [shaken], runs=3))
+    assert found.verdict == "unknown"
+    assert not found.effects
+    assert found.where[0].joint == 1
+    assert f"the joint's {VIBRATION}" in found.sentence
+
+
+def test_a_lag_is_named_whatever_line_it_is_strongest_in(tmp_path):
+    arm = small_arm(tmp_path)
+    late = parse_injection(arm, "actuator_lag:shoulder:time_constant=0.012")
+    found = diagnose(arm, simulated_runs(arm, [late], runs=3))
+    assert [(each.effect, each.joint) for each in found.effects] == [("actuator_lag", 0)]
