@@ -181,7 +181,7 @@ def names_that_hold(
 
     gap: on whole runs left out. fitted: (n,) N·m RMS that all runs fitted together leave. What only one run
     tells may leave the gap of that run as it was, but not what all of them fit. What re-identification
-    swallows never seemed to explain it.
+    swallows never seemed to explain it. A push of such a joint is a rest of it.
     """
     closed, reducible = gap.parameters - gap.effects, gap.parameters - gap.noise_floor
     is_far = np.minimum(gap.parameters, fitted) > FAR_FROM_NOISE * gap.noise_floor
@@ -197,4 +197,9 @@ def names_that_hold(
             item = replace(item, named=False)
             unmet[joint] = Unclaimed(joint, NOTHING, float(left[joint]))
         found.append(item)
-    return tuple(found), tuple(unmet.values())
+    # A push there was found in what such an effect had left.
+    is_rest = [item.candidate.is_event and item.candidate.family.joint in unmet for item in found]
+    kept = tuple(
+        replace(item, named=item.named and not rest) for item, rest in zip(found, is_rest, strict=True)
+    )
+    return kept, tuple(unmet.values())

@@ -188,8 +188,11 @@ def test_a_joint_that_warms_faster_than_any_by_all_runs_together_has_no_name(arm
 def test_a_name_that_leaves_the_gap_as_it_was_does_not_hold(prepared, after, elsewhere, fitted, floor, holds):
     cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
     stages = ((12.0, 12.0), (10.0, 10.0), (elsewhere, after), (1.0, floor))
-    (item,), unmet = names_that_hold([_accepted(cable)], Gap(*map(np.array, stages)), np.array([1.0, fitted]))
-    assert item.named == holds
+    push = replace(cable, family=replace(cable.family, effect="external_contact"))
+    item, left = _accepted(cable), replace(_accepted(push), share=0.0)
+    found, unmet = names_that_hold([item, left], Gap(*map(np.array, stages)), np.array([1.0, fitted]))
+    # A push of that joint would be what it leaves.
+    assert [each.named for each in found] == [holds, holds]
     assert [each.joint for each in unmet] == ([] if holds else [1])
 
 
