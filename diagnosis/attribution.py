@@ -44,7 +44,7 @@ from .saturation import Cut, cuts
 from .sought import Sought
 from .transmission_load import linearised_until_settled
 from .unclaimed import Unclaimed, unclaimed
-from .vibration import vibrations
+from .vibration import vibrations, with_its_line
 from .weighing import Stage
 
 Array = NDArray[np.float64]
@@ -161,7 +161,8 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
     hypothesis, fitted = at_likeliest_shapes(sized, hypothesis, fitted)
     accepted = as_fitted_at_last(sized, hypothesis, fitted, accepted)
     unmet = out_of_bounds(sized, hypothesis, fitted, accepted)
-    unknown = (*unclaimed(original, last, free, sure), *imitated, *unmet)
+    misfits = [with_its_line(last, each) for each in unclaimed(original, last, free, sure)]
+    unknown = (*misfits, *imitated, *unmet)
     accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 

@@ -22,7 +22,6 @@ from .noise import noise_rms
 from .preparation import Prepared, prepare
 from .recurrence import recurrence
 from .unclaimed import NOTHING, Unclaimed
-from .vibration import VIBRATION
 
 Array = NDArray[np.float64]
 
@@ -39,8 +38,6 @@ LITTLE_BUT_NOISE = 1.03
 LITTLE_CLOSED = 0.2
 # What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
 NEXT_TO_NOTHING = 0.005
-# What is in no catalogue and would show like that.
-LIKELY = {RESONANCE: "a base that rocks or a link that bends", VIBRATION: "a floor or a fan that shakes it"}
 
 
 def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
@@ -226,8 +223,13 @@ def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
         joint = robot.joint_names[item.joint]
         return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"
     followed = item.regime if item.regime == NOTHING else f"the joint's {item.regime}"
+    likely = {RESONANCE: ": a base that rocks or a link that bends would"}.get(item.regime, "")
+    if item.frequency is not None:
+        followed, likely = (
+            f"a vibration at {item.frequency:.1f} Hz",
+            ": a floor or a fan that shakes it would",
+        )
     place = f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {followed}"
-    likely = f": {LIKELY[item.regime]} would" if item.regime in LIKELY else ""
     return f"{place}, and no effect of the catalogue explains it{likely}"
 
 

@@ -55,11 +55,15 @@ NOTHING, TIMING = "nothing that was tried", "rate of torque"
 
 @dataclass(frozen=True)
 class Unclaimed:
-    """A joint's index, the regime in words, and the share of its gap that follows it."""
+    """A joint's index, the regime in words, and the share of its gap that follows it.
+
+    frequency: Hz, where most of that shakes at one.
+    """
 
     joint: int
     regime: str
     share: float
+    frequency: float | None = None
 
 
 def foretold_shares(stage: Stage, free: Bank) -> Array:

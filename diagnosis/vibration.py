@@ -19,13 +19,13 @@ from .candidates import Candidate
 from .healthy import LAG
 from .naming import without_one
 from .preparation import Run
-from .spectrum import kept_rate
-from .unclaimed import Unclaimed, share_left
+from .spectrum import SMALLEST, kept_rate
+from .unclaimed import NOTHING, Unclaimed, share_left
 from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]
 
-VIBRATION = "vibration at one frequency"
+VIBRATION = "vibration"
 # Hz: the line to either side of its middle, and how far apart the middles are.
 HALF_LINE, APART = 0.5, 0.25
 # Standard deviations that what lies beside the line must be from none, and may be from what lies in it; and
@@ -34,6 +34,8 @@ FROM_NONE, FROM_LINE, LIKE_LINE = 2.0, 4.0, 0.2
 # Standard deviations and the share of the line by which it is another's, a quarter of a turn from a lag's: of
 # two stages a little is, too.
 LATER, LATER_SHARE = 6.0, 0.3
+# A vibration is so much of what is left, and not so much of the motion's torque, as a share of that.
+MOST, OF_MOTION = 0.5, 0.3
 # Of a line's sines, singular values below this share of the largest are the same ones once more.
 WORTH_A_WAVE = 1e-3
 
@@ -49,25 +51,55 @@ def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
         if not item.named or item.candidate.family.effect != LAG or joint is None:
             continue
         alone = Stage(last.ground, *without_one(last.ground, accepted, place))
-        law = last.hypothesis.parts[place]
-        gain = alone.gain(_split(item.candidate, last.fitted.values[law], alone.prepared.runs))
-        if gain is not None and not _is_one_law(gain):
-            found.append(Unclaimed(joint, VIBRATION, 1 - float(left[joint])))
+        law = [run @ last.fitted.values[last.hypothesis.parts[place]] for run in item.candidate.filtered]
+        (f, before), (_, after) = (_spectrum(*_left(stage, joint)) for stage in (alone, last))
+        # Where it explains most, and where it has most torque to explain any with.
+        lines = _strongest_line(f, before - after), _strongest_line(*_spectrum(law, last.prepared.runs))
+        for line in lines:
+            gain = alone.gain(_split(item.candidate, law, line, last.prepared.runs))
+            if gain is not None and not _is_one_law(gain):
+                found.append(Unclaimed(joint, VIBRATION, 1 - float(left[joint]), line))
+                break
     return tuple(found)
 
 
-def _split(lag: Candidate, values: Array, runs: Sequence[Run]) -> Candidate:
-    """A lag's torque as it was fitted, by coefficients (k,), as three columns.
+def with_its_line(last: Stage, item: Unclaimed) -> Unclaimed:
+    """What follows nothing, with the frequency that most of it shakes at, if the motion does not.
 
-    They are its strongest line, what is beside that, and the line a quarter of a turn later.
+    last: with all effects taken in.
     """
-    law = [run @ values for run in lag.filtered]
-    strongest = _strongest_line(law, runs)
+    if item.regime != NOTHING:
+        return item
+    residual, runs = _left(last, item.joint)
+    gaps = zip(last.prepared.runs, last.hypothesis.gap, strict=True)
+    motion = [(run.torque - gap)[:, [item.joint]] for run, gap in gaps]
+    left, moving = _spectrum(residual, runs), _spectrum(motion, last.prepared.runs)
+    line = _strongest_line(*left)
+    shaken, moved = (
+        float(power[_is_in(f, line)].sum() / max(power.sum(), SMALLEST)) for f, power in (left, moving)
+    )
+    is_line = shaken > MOST and moved < OF_MOTION * shaken
+    return replace(item, frequency=line) if is_line else item
+
+
+def _left(stage: Stage, joint: int) -> tuple[list[Array], list[Run]]:
+    """What a stage leaves of a joint, (M, 1), bridged where samples do not count; and the runs that tell."""
+    found, told = [], []
+    for run, left in zip(stage.prepared.runs, stage.fitted.residual, strict=True):
+        used, index = run.used[:, joint], np.arange(len(left))
+        if used.any():
+            found.append(np.interp(index, index[used], left[used, joint])[:, None])
+            told.append(run)
+    return found, told
+
+
+def _split(lag: Candidate, law: Sequence[Array], line: float, runs: Sequence[Run]) -> Candidate:
+    """A lag's torque as it was fitted, a run (M, r): in a line, beside it, and the line a quarter later."""
     columns = []
     for each, run in zip(law, runs, strict=True):
         # Sines that are fitted leave nothing of a line that does not close at the run's end.
         time = np.arange(len(each)) / kept_rate(run)
-        lines = np.arange(strongest - HALF_LINE, strongest + HALF_LINE, 0.5 / max(time[-1], 1.0))
+        lines = np.arange(line - HALF_LINE, line + HALF_LINE, 0.5 / max(time[-1], 1.0))
         angle = 2 * np.pi * np.outer(time, lines)
         waves, turned = (
             np.concatenate(both, axis=1)
@@ -79,19 +111,23 @@ def _split(lag: Candidate, values: Array, runs: Sequence[Run]) -> Candidate:
     return replace(lag, member=Member({}, lag.member.rows, (), -free, free), filtered=tuple(columns))
 
 
-def _strongest_line(law: Sequence[Array], runs: Sequence[Run]) -> float:
-    """Where a torque, a run (M, r), has most power within the width of a line, Hz."""
-    spectra = [np.sum(np.abs(rfft(run, axis=0)) ** 2, axis=1) for run in law]
-    frequencies = [rfftfreq(len(each), 1 / kept_rate(run)) for each, run in zip(law, runs, strict=True)]
-    middles = np.arange(HALF_LINE, min(f[-1] for f in frequencies), APART)
-    power = [
-        sum(
-            float(np.sum(s[np.abs(f - middle) < HALF_LINE]))
-            for s, f in zip(spectra, frequencies, strict=True)
-        )
-        for middle in middles
-    ]
-    return float(middles[np.argmax(power)])
+def _spectrum(torque: Sequence[Array], runs: Sequence[Run]) -> tuple[Array, Array]:
+    """Frequencies, Hz, and power of a torque less its mean, a run (M, 1), one run after the other."""
+    frequencies = [rfftfreq(len(each), 1 / kept_rate(run)) for each, run in zip(torque, runs, strict=True)]
+    power = [np.abs(rfft(each[:, 0] - each.mean())) ** 2 for each in torque]
+    return np.concatenate(frequencies), np.concatenate(power)
+
+
+def _strongest_line(frequencies: Array, power: Array) -> float:
+    """The middle of what has most power within the width of a line, Hz."""
+    middles = np.arange(HALF_LINE, frequencies.max(), APART).tolist()
+    strongest = max(middles, key=lambda middle: float(power[_is_in(frequencies, middle)].sum()))
+    inside = _is_in(frequencies, strongest)
+    return float(np.average(frequencies[inside], weights=np.maximum(power[inside], SMALLEST)))
+
+
+def _is_in(frequencies: Array, line: float) -> NDArray[np.bool_]:
+    return np.abs(frequencies - line) < HALF_LINE
 
 
 def _is_one_law(gain: Gain) -> bool:
