@@ -34,9 +34,9 @@ ITS_OWN = 0.6, 1.6
 # Another law of a play, a spring or bristles is tried where one explains this share of the most: it may do as
 # much.
 WORTH_A_LAW = 0.8
-# A cable hardens where a line, or one that rubs, leaves so many times as much of its joint's squared
-# residual: of what the parameters leave of a line, one with two shapes explains a little more by chance.
-HARDENED = 2.0
+# Log-posterior of all runs together, less its price, by which a cable surely hardens: first moments take up
+# much of any, and bent parameters foretell left-out runs by chance.
+HARDENED = 10.0
 # Log-posterior of all runs together that outweighs any that runs left out lose.
 EVIDENCE_AGAINST_RUNS = 30.0
 # First step of a refinement, as a share of the shape's range, and how many shapes are tried; where several go
@@ -182,11 +182,11 @@ def _other_springs(shortlist: Sequence[Weighed], open_: Sequence[Weighed]) -> li
 def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     """What was refined; of plays, springs and bristles, by the law that is likeliest at its best shape.
 
-    Far from it, one of another law may seem the likelier. And a cable that hardens, if it surely does.
+    Far from it, one of another law may seem the likelier.
     """
     family, own = found.candidate.family, found.candidate.member.law
-    if family.effect == CABLE and own == HARDENING:
-        return _unless_a_line_will_do(robot, stage, found)
+    if family.effect == CABLE:
+        return _cable(robot, stage, found)
     if family.effect not in (*TRANSMISSIONS, BRISTLES):
         return found
     tried = [found]
@@ -200,13 +200,27 @@ def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     return max(tried, key=lambda each: log_likelihood(*stage.compared(each.candidate)))
 
 
-def _unless_a_line_will_do(robot: Robot, stage: Stage, hose: Weighed) -> Weighed:
-    """A cable that hardens, or the best by its other laws where these leave little more."""
-    family = hose.candidate.family
+def _cable(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
+    """A cable that hardens, where all runs surely tell it from the best by its other laws; else that."""
+    family, hardens = found.candidate.family, found.candidate.member.law == HARDENING
     others = {each.law for each in family.members} - {HARDENING}
-    left = 1 - stage.shares(hose.gain)[family.joint]
-    lines = _best_of(robot, stage, family, others)
-    return next((w for w in lines if HARDENED * left > 1 - stage.shares(w.gain)[family.joint]), hose)
+    lines = _best_of(robot, stage, family, others) if hardens else [found]
+    hoses = [found] if hardens else _best_of(robot, stage, family, {HARDENING})
+    if not hoses or not lines:
+        return found
+    (line,), (hose,) = lines, hoses
+    if hose.score < line.score:
+        return line
+    # Where it rests has several likeliest places.
+    members = [candidate(stage.prepared, family, each) for each in family.members if each.law == HARDENING]
+    starts = [each for member in members for each in weigh(stage, Bank(stage.ground, [member]))]
+    hose = max([hose, *(refined(robot, stage, each) for each in starts)], key=lambda each: each.score)
+    hose = refined(robot, stage, hose, MORE_TRIED)
+    straight, hardened = (
+        log_posterior(*stage.with_effects([each.candidate])) - price(stage.hypothesis, each.candidate)
+        for each in (line, hose)
+    )
+    return hose if hardened - straight > HARDENED else line
 
 
 def _best_of(
