@@ -13,7 +13,7 @@ from .bank import Bank
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
 from .evidence import Fit
-from .healthy import BRISTLES, CABLE, ELASTIC, is_plausible
+from .healthy import BRISTLES, CABLE, ELASTIC, SPRINGS, is_plausible
 from .hypothesis import DELAY, Design
 from .likeliest_shapes import at_likeliest_shape, is_searched
 from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price, weigh
@@ -53,10 +53,11 @@ def choose(
 
     A rival is what has little left to explain once the best is in; anything else is another effect. robot:
     that sizes are relative to. material, open_: best first; of the second, what fits a listed effect's joint
-    best is listed too.
+    best is listed too, and beside a spring the joint's other one.
     """
     likeliest = material[:SHORTLIST]
-    best_of_each = {w.candidate.place: w for w in [*likeliest, *(_best_fit(w, open_) for w in likeliest)]}
+    fitting = [each for w in likeliest for each in _that_fit(w, open_)]
+    best_of_each = {w.candidate.place: w for w in [*likeliest, *fitting]}
     shortlist = [refined(robot, stage, weighed) for weighed in best_of_each.values()]
     worth = WORTH_A_LAW * max(weighed.score for weighed in shortlist)
     shortlist = [each if each.score < worth else _by_its_law(robot, stage, each) for each in shortlist]
@@ -160,10 +161,16 @@ def _likelier(robot: Robot, stage: Stage, best: Weighed) -> tuple[Weighed, tuple
     return Weighed(gain, gained(stage, gain)), other
 
 
-def _best_fit(likely: Weighed, open_: Sequence[Weighed]) -> Weighed:
-    """The effect of the same joint that fits better than any other, though it may predict less."""
+def _that_fit(likely: Weighed, open_: Sequence[Weighed]) -> list[Weighed]:
+    """The effect of its joint that fits better than any other, though it may predict less; of a spring all.
+
+    First moments take up much of a cable and of a gravity spring, so that either may be the other.
+    """
     own = [w for w in open_ if w.candidate.family.joint == likely.candidate.family.joint and w.score > 0]
-    return max(own, key=lambda w: w.gain.objective, default=likely)
+    best = max(own, key=lambda w: w.gain.objective, default=likely)
+    if likely.candidate.family.effect not in SPRINGS:
+        return [best]
+    return [best, *(w for w in own if w.candidate.family.effect in SPRINGS)]
 
 
 def _other_springs(shortlist: Sequence[Weighed], open_: Sequence[Weighed]) -> list[Weighed]:
