@@ -120,9 +120,12 @@ def _spectrum(torque: Sequence[Array], runs: Sequence[Run]) -> tuple[Array, Arra
 
 def _strongest_line(frequencies: Array, power: Array) -> float:
     """The middle of what has most power within the width of a line, Hz."""
-    middles = np.arange(HALF_LINE, frequencies.max(), APART).tolist()
+    middles = np.arange(HALF_LINE, max(frequencies.max(), 2 * HALF_LINE), APART).tolist()
     strongest = max(middles, key=lambda middle: float(power[_is_in(frequencies, middle)].sum()))
     inside = _is_in(frequencies, strongest)
+    if not inside.any():
+        # Runs of less than a second have none as narrow.
+        return float(strongest)
     return float(np.average(frequencies[inside], weights=np.maximum(power[inside], SMALLEST)))
 
 

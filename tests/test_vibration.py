@@ -1,8 +1,10 @@
 """What shakes a joint at one frequency is not named a lag of its drive; a lag is."""
 
+import numpy as np
 import pytest
 
 from diagnosis.diagnose import diagnose
+from diagnosis.vibration import _strongest_line
 from testbench.effects import parse_injection
 from testbench.effects.base import Injection
 
@@ -26,3 +28,11 @@ def test_a_lag_is_named_whatever_line_it_is_strongest_in(tmp_path):
     late = parse_injection(arm, "actuator_lag:shoulder:time_constant=0.012")
     found = diagnose(arm, simulated_runs(arm, [late], runs=3))
     assert [(each.effect, each.joint) for each in found.effects] == [("actuator_lag", 0)]
+
+
+@pytest.mark.parametrize("samples", [8, 40, 400])
+def test_the_strongest_line_is_told_of_runs_of_any_length(samples):
+    rate = 40.0
+    frequencies = np.fft.rfftfreq(samples, 1 / rate)
+    power = np.where(np.abs(frequencies - 10.0) < 1e-9, 1.0, 0.0)
+    assert _strongest_line(frequencies, power) == pytest.approx(10.0, abs=0.5)
