@@ -44,7 +44,7 @@ from .saturation import Cut, cuts
 from .sought import Sought
 from .transmission_load import linearised_until_settled
 from .unclaimed import Unclaimed, unclaimed
-from .vibration import vibrations, with_its_line
+from .vibration import vibrations, with_its_line, without_shaken
 from .weighing import Stage
 
 Array = NDArray[np.float64]
@@ -157,6 +157,9 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
     sure = None if len(certain) == len(accepted) else Stage.of(base, certain)
     imitations = (laws_of_position, many_laws, resonances, vibrations)
     imitated = [each for kind in imitations for each in kind(original, last, accepted)]
+    if len(kept := without_shaken(accepted, imitated)) < len(accepted):
+        accepted = kept
+        hypothesis, fitted = fitted_to(base.prepared, [a.candidate for a in accepted])
     hidden = not_observable(sized, base.torque_rms, open_)
     hypothesis, fitted = at_likeliest_shapes(sized, hypothesis, fitted)
     accepted = as_fitted_at_last(sized, hypothesis, fitted, accepted)

@@ -63,6 +63,15 @@ def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
     return tuple(found)
 
 
+def without_shaken(accepted: Sequence[Accepted], found: Sequence[Unclaimed]) -> list[Accepted]:
+    """What was taken in, without the lags that are vibrations: no simulator is right with them.
+
+    found: of ``vibrations``, among others.
+    """
+    shaken = {each.joint for each in found if each.regime == VIBRATION}
+    return [a for a in accepted if a.candidate.family.effect != LAG or a.candidate.family.joint not in shaken]
+
+
 def with_its_line(last: Stage, item: Unclaimed) -> Unclaimed:
     """What follows nothing, with the frequency that most of it shakes at, if the motion does not.
 

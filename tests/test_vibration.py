@@ -20,6 +20,8 @@ def test_a_joint_that_is_shaken_at_one_frequency_has_no_lag(tmp_path, frequency,
     assert found.verdict == "unknown"
     assert not found.effects
     assert found.where[0].joint == 1
+    # Nor has the corrected simulator.
+    assert not found.final[0].joints_with("actuator_lag")
     assert f"follows a vibration at {frequency:.1f} Hz" in found.sentence
 
 
