@@ -30,7 +30,7 @@ class Bank:
         # Columns that reach a joint, of the used rows of a fold: (m, K_j).
         self.z = [
             [
-                np.concatenate([_rows(ground, proposals[c], f, j) for c in own], axis=1)
+                np.concatenate([reached_rows(ground, proposals[c], f, j) for c in own], axis=1)
                 if own
                 else np.zeros((len(ground.used[f][j]), 0))
                 for j, own in enumerate(reach)
@@ -56,6 +56,6 @@ class Bank:
                     self.squares[g][i, f, j] = z.T @ z
 
 
-def _rows(ground: Ground, candidate: Candidate, fold: int, joint: int) -> Array:
-    """A candidate's columns at a joint that it reaches, (m, k)."""
+def reached_rows(ground: Ground, candidate: Candidate, fold: int, joint: int) -> Array:
+    """Used rows of a candidate's columns at a joint that it reaches, (m, k)."""
     return ground.rows_of(candidate.filtered, fold, joint, candidate.member.rows.index(joint))

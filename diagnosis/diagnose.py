@@ -223,12 +223,10 @@ def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
         joint = robot.joint_names[item.joint]
         return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"
     followed = item.regime if item.regime == NOTHING else f"the joint's {item.regime}"
-    likely = {RESONANCE: ": a base that rocks or a link that bends would"}.get(item.regime, "")
+    likely = ": a base that rocks or a link that bends would" if item.regime == RESONANCE else ""
     if item.frequency is not None:
-        followed, likely = (
-            f"a vibration at {item.frequency:.1f} Hz",
-            ": a floor or a fan that shakes it would",
-        )
+        followed = f"a vibration at {item.frequency:.1f} Hz"
+        likely = ": a floor or a fan that shakes it would"
     place = f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {followed}"
     return f"{place}, and no effect of the catalogue explains it{likely}"
 

@@ -4,7 +4,7 @@ Unknowns are the deviations of the standard parameters from the model's, held ba
 prior.py, a common timing error, and the coefficients of the effects taken in so far.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from identification.parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_JOINT, VISCOUS
 
+from .bank import reached_rows
 from .candidates import Candidate
 from .ground import ground
 from .preparation import Prepared
@@ -107,14 +108,12 @@ class Design:
     @cached_property
     def loading(self) -> tuple[NDArray[np.int64], ...]:
         """The unknowns that load each joint, (n,) of (u,): the base regressor's, then what reaches it."""
-        reached = [
-            [np.arange(part.start, part.stop) for c, part in self._effects() if joint in c.member.rows]
-            for joint in range(self.prepared.joints)
-        ]
-        base = np.arange(self.parameters)
+        every, effects = np.arange(len(self.precision)), list(zip(self.accepted, self.parts, strict=True))
         return tuple(
-            np.concatenate([base[own], *of_joint])
-            for own, of_joint in zip(ground(self.prepared).loading, reached, strict=True)
+            np.concatenate(
+                [every[: self.parameters][own], *(every[p] for c, p in effects if joint in c.member.rows)]
+            )
+            for joint, own in enumerate(ground(self.prepared).loading)
         )
 
     @cached_property
@@ -123,8 +122,7 @@ class Design:
         base = ground(self.prepared)
 
         def rows(fold: int, joint: int) -> Array:
-            own = [c for c in self.accepted if joint in c.member.rows]
-            each = [base.rows_of(c.filtered, fold, joint, c.member.rows.index(joint)) for c in own]
+            each = [reached_rows(base, c, fold, joint) for c in self.accepted if joint in c.member.rows]
             return np.concatenate([np.zeros((len(base.used[fold][joint]), 0)), *each], axis=1)
 
         return [[rows(fold, joint) for joint in range(base.joints)] for fold in range(len(base.folds))]
@@ -146,9 +144,6 @@ class Design:
             for joint, own in enumerate(self.loading):
                 found[place, joint, own[own >= self.parameters]] = self.added[fold][joint].T @ left[joint]
         return found
-
-    def _effects(self) -> Iterator[tuple[Candidate, slice]]:
-        return zip(self.accepted, self.parts, strict=True)
 
 
 def design(prepared: Prepared, accepted: Sequence[Candidate] = (), is_delayed: bool = False) -> Design:

@@ -54,7 +54,7 @@ def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
         law = [run @ last.fitted.values[last.hypothesis.parts[place]] for run in item.candidate.filtered]
         (f, before), (_, after) = (_spectrum(*_left(stage, joint)) for stage in (alone, last))
         # Where it explains most, and where it has most torque to explain any with.
-        lines = _strongest_line(f, before - after), _strongest_line(*_spectrum(law, last.prepared.runs))
+        lines = strongest_line(f, before - after), strongest_line(*_spectrum(law, last.prepared.runs))
         for line in lines:
             gain = alone.gain(_split(item.candidate, law, line, last.prepared.runs))
             if gain is not None and not _is_one_law(gain):
@@ -83,7 +83,7 @@ def with_its_line(last: Stage, item: Unclaimed) -> Unclaimed:
     gaps = zip(last.prepared.runs, last.hypothesis.gap, strict=True)
     motion = [(run.torque - gap)[:, [item.joint]] for run, gap in gaps]
     left, moving = _spectrum(residual, runs), _spectrum(motion, last.prepared.runs)
-    line = _strongest_line(*left)
+    line = strongest_line(*left)
     shaken, moved = (
         float(power[_is_in(f, line)].sum() / max(power.sum(), SMALLEST)) for f, power in (left, moving)
     )
@@ -127,7 +127,7 @@ def _spectrum(torque: Sequence[Array], runs: Sequence[Run]) -> tuple[Array, Arra
     return np.concatenate(frequencies), np.concatenate(power)
 
 
-def _strongest_line(frequencies: Array, power: Array) -> float:
+def strongest_line(frequencies: Array, power: Array) -> float:
     """The middle of what has most power within the width of a line, Hz."""
     middles = np.arange(HALF_LINE, max(frequencies.max(), 2 * HALF_LINE), APART).tolist()
     strongest = max(middles, key=lambda middle: float(power[_is_in(frequencies, middle)].sum()))

@@ -56,9 +56,8 @@ DISPLACEMENTS = (0.0003, 0.001, 0.002, 0.004, 0.008)
 # What is refined may be stiffer: a healthy joint's bristles look like these where the range ends at them.
 SHORTEST = 0.00005
 # Beside Dahl's own of one, which is met most: bearings yield longer, what sticks and breaks not as long. The
-# latter looks much like his own, so that the former alone is looked for first, far enough apart.
+# latter looks much like his own, so that the former alone is looked for first.
 LIKELY_EXPONENT, EXPONENTS = 2.0, (0.2, 3.0)
-LIKELY_DISPLACEMENTS = (0.0003, 0.001, 0.004)
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -117,7 +116,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         return Member(dict(shape), (joint,), single_joint(columns), np.zeros(1), np.full(1, np.inf), law)
 
     shapes = [{"displacement": each} for each in DISPLACEMENTS]
-    shapes += [{"displacement": each, "exponent": LIKELY_EXPONENT} for each in LIKELY_DISPLACEMENTS]
+    shapes += [{**each, "exponent": LIKELY_EXPONENT} for each in shapes]
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,

@@ -75,8 +75,7 @@ def test_presliding_is_explained(
     family = effects()["presliding_hysteresis"].signature([logged], J, None)
     left, found = unexplained(base, torque, family)
     assert left < 0.1
-    # As near as what is looked for first, which is twice as far apart by an exponent of two.
-    assert found["stiffness"] == pytest.approx(stiffness, rel=0.5 if exponent == 1.0 else 1.0)
+    assert found["stiffness"] == pytest.approx(stiffness, rel=0.5)
     left, found = unexplained(base, torque, single(family, displacement=displacement, exponent=exponent))
     assert left < 0.02
     assert found["stiffness"] == pytest.approx(stiffness, rel=0.02)
