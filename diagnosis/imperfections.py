@@ -47,8 +47,9 @@ ONE_JOINTS: Mapping[str, tuple[float, float, tuple[str, ...], float]] = {
 # this share of their joint's torque they have no name where others surely give way this share as far, with
 # this share of the torque, and whatever they are where this share of the other joints does, three at least;
 # nor, up to another share of the torque, unless Wald's statistic tells them, so many times that of any other
-# joint, or they are this share of the rest.
+# joint, or they are this share of the rest. Where samples near rest count they are so many times that share.
 BRISTLES_OF_ALL, BRISTLES_ALIKE, BRISTLES_LEVEL, BRISTLES_MOST = 0.025, 0.5, 0.25, 0.5
+BRISTLES_HELD = 2.5
 BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.85, 0.015
 
 
@@ -174,7 +175,8 @@ def _are_bristles_of_all(
     alike = [each for each in others if each.times >= BRISTLES_ALIKE * own.times and much[each.joint]]
     surely = sum(each.wald > BRISTLES_WALD for each in alike)
     many = max(BRISTLES_MOST * (last.prepared.joints - 1), SUCH_JOINTS + 1)
-    if surely >= (SUCH_JOINTS if torque <= BRISTLES_OF_ALL else many):
+    little = BRISTLES_OF_ALL * (BRISTLES_HELD if own.joint in last.prepared.held else 1.0)
+    if surely >= (SUCH_JOINTS if torque <= little else many):
         return True
     if torque > BRISTLES_TORQUE:
         return False

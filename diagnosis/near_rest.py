@@ -27,6 +27,7 @@ from .healthy import BRISTLES
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import NEAR_REST
 from .preparation import DEAD_ZONE, Prepared
+from .presliding_at_rest import held_by_bristles
 from .weighing import Stage
 
 Array = NDArray[np.float64]
@@ -56,11 +57,13 @@ LEADING, SMALLEST_LEADING = 2, 0.6
 class NearRest:
     """Coulomb friction fc tanh((v + l a) / w) of every joint.
 
-    widths: w of the joints that are soft, rad/s (m/s). lead: l of all, s.
+    widths: w of the joints that are soft, rad/s (m/s). lead: l of all, s. held: joints that bristles hold, so
+    that their samples near rest count.
     """
 
     widths: Mapping[int, float] = field(default_factory=dict)
     lead: float = 0.0
+    held: frozenset[int] = frozenset()
 
 
 def lead_candidates(prepared: Prepared) -> list[Candidate]:
@@ -81,7 +84,9 @@ def soft_candidates(prepared: Prepared) -> list[Candidate]:
     ]
 
 
-def near_rest(stage: Stage, weighed: Sequence[Weighed], ahead: Bank, soft: Bank) -> NearRest | None:
+def near_rest(
+    stage: Stage, weighed: Sequence[Weighed], ahead: Bank, soft: Bank, catalogue: Sequence[Candidate]
+) -> NearRest | None:
     """What friction does near rest beyond what is known; None for nothing.
 
     weighed: what each effect of the catalogue explains beside the stage's. ahead, soft: of
@@ -102,8 +107,10 @@ def near_rest(stage: Stage, weighed: Sequence[Weighed], ahead: Bank, soft: Bank)
         # How wide it turns is told once it is known when.
         return NearRest({}, lead)
     known = {int(j): float(w) for j, w in enumerate(stage.prepared.coulomb_smoothing) if w > 0}
-    widths = _soft(stage, least, soft)
-    return NearRest(known | widths, stage.prepared.coulomb_lead) if widths else None
+    widths, held = _soft(stage, least, soft), held_by_bristles(stage, catalogue)
+    if not widths and not held:
+        return None
+    return NearRest(known | widths, stage.prepared.coulomb_lead, stage.prepared.held | held - widths.keys())
 
 
 def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> float:
@@ -134,7 +141,7 @@ def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> fl
 def _soft(stage: Stage, least: Array, soft: Bank) -> dict[int, float]:
     """The joints whose friction is soft near rest, softer than is known, and its width w, rad/s (m/s)."""
     # Bristles are soft near rest in their own way.
-    bristled = stage.hypothesis.joints_with(BRISTLES)
+    bristled = stage.hypothesis.joints_with(BRISTLES) | stage.prepared.held
     coulomb, least = _coulomb(stage), least.copy()
     found: dict[int, float] = {}
     for each, gain in zip(soft.candidates, stage.gains(soft), strict=True):
@@ -175,7 +182,7 @@ def _coulomb(stage: Stage) -> Array:
 
 def with_friction_near_rest(prepared: Prepared, known: NearRest) -> Prepared:
     """The runs with such Coulomb friction, less what is too slow for its form to tell."""
-    if not known.widths and not known.lead:
+    if known == NearRest():
         return prepared
     smoothing = np.zeros(prepared.joints)
     smoothing[list(known.widths)] = list(known.widths.values())
@@ -196,8 +203,10 @@ def with_friction_near_rest(prepared: Prepared, known: NearRest) -> Prepared:
             share = run.filtered(run.logged.direction[:, [joint]], [joint])
             rows[:, joint, PER_JOINT * joint + COULOMB] = share[:, 0]
             used[:, joint] &= run.away_from(joint, slowest.get(joint, DEAD_ZONE))
+        for joint in known.held:
+            used[:, joint] = run.whole[:, joint]
         runs.append(replace(run, used=used, rows=rows))
-    return replace(prepared, runs=tuple(runs))
+    return replace(prepared, runs=tuple(runs), held=known.held)
 
 
 def _slowest(prepared: Prepared, joint: int, width: float) -> float | None:

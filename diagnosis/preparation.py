@@ -55,7 +55,8 @@ class Run:
 
     name: the log's. logged: full-rate signals with the model's prediction. filters: (n,) of each joint's
     torque and columns alike. kept: (M,) indices of the decimated samples. time: (M,) s. q, dq, ddq: (M, n).
-    torque: (M, n), rows: (M, n, 14 n) standard regressor, both filtered. used: (M, n) bool, away from rest.
+    torque: (M, n), rows: (M, n, 14 n) standard regressor, both filtered. whole: (M, n) bool, away from what
+    is made up. used: those of them that count, away from rest.
     smear: (n,) samples at full rate that each filter spreads what is near rest over. lost: how many samples
     of the log were held or spoiled, and are interpolated. torque_step: (n,) N·m, that the log counts in.
     """
@@ -70,6 +71,7 @@ class Run:
     ddq: Array
     torque: Array
     rows: Array
+    whole: NDArray[np.bool_]
     used: NDArray[np.bool_]
     smear: NDArray[np.int64]
     lost: int
@@ -99,7 +101,8 @@ class Prepared:
 
     folds: per fold, the run's index and the samples (into its M) that belong to it. band: (n,) of the widest
     band, the share that each joint's filter leaves. encoder_torque: (n,) N·m RMS that encoders' noise
-    seems to add there. thinning: one in so many is kept of the samples that hold what was passed.
+    seems to add there. thinning: one in so many is kept of the samples that hold what was passed. held:
+    joints that bristles hold, so that their samples near rest count, too.
     """
 
     robot: Robot
@@ -108,6 +111,7 @@ class Prepared:
     encoder_torque: Array
     folds: tuple[tuple[int, slice], ...]
     thinning: int
+    held: frozenset[int] = frozenset()
 
     @property
     def joints(self) -> int:
@@ -293,6 +297,7 @@ def _run(robot: Robot, log: _Log, bands: Array, thinning: int) -> Run:
         ddq=signals.ddq[kept],
         torque=filtered(filters, signals.tau - spring_torque(robot.chain.springs, signals.q)),
         rows=base,
+        whole=np.ones((len(kept), robot.joints), bool),
         used=np.ones((len(kept), robot.joints), bool),
         smear=2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1,
         lost=log.lost,
@@ -301,8 +306,9 @@ def _run(robot: Robot, log: _Log, bands: Array, thinning: int) -> Run:
     # A reader faster than the robot holds every sample, and loses none by it.
     step = max(1 / rate, float(np.median(np.diff(log.stamps))))
     made_up = _between(log.stamps, logged.time, max(LONGEST_STEP / cutoff, STEPS * step))
-    used = [run.away_from(j, DEAD_ZONE) & run.apart_from(made_up, j) for j in range(robot.joints)]
-    return replace(run, used=np.column_stack(used))
+    whole = np.column_stack([run.apart_from(made_up, j) for j in range(robot.joints)])
+    used = np.column_stack([run.away_from(j, DEAD_ZONE) for j in range(robot.joints)])
+    return replace(run, whole=whole, used=whole & used)
 
 
 def _step(torque: Array) -> Array:

@@ -1,0 +1,122 @@
+"""Joints that bristles hold: there, what a joint has passed foretells its friction at rest, too.
+
+Near rest no sample counts, since Coulomb friction there is whatever holds the joint. Bristles have no such
+freedom: what they bear follows from what the joint has moved since they last slid. An arm that stands
+between its moves shows them there and hardly anywhere else. Where they foretell what friction is at rest,
+samples near rest count as well.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from identification.parameters import COULOMB, PER_JOINT
+from testbench.effects.signature import Member
+
+from .candidates import Candidate
+from .evidence import standard_values
+from .healthy import BRISTLES
+from .weighing import Stage
+
+Array = NDArray[np.float64]
+
+# What they must explain of the squares that are left near rest, and of what is left by friction that only
+# keeps its direction there, or by bristles too stiff for these runs.
+EXPLAINED, OF_RIVALS = 0.8, 0.5
+# In so many rests and turns at least, and by so much of the joint's torque over all of the runs.
+FEWEST_RESTS, SMALLEST = 6, 0.01
+# The share of the joint's Coulomb friction that they bear.
+LEVEL = 0.5, 1.5
+# How far apart the displacements are that are tried first, and how well the likeliest is told from there.
+APART, TOLERANCE = 2.5, 0.05
+# From this share of their level on friction has the direction that they slide in.
+SLIDES = 0.9
+
+
+def held_by_bristles(stage: Stage, proposals: Sequence[Candidate]) -> frozenset[int]:
+    """The joints whose friction near rest is that of bristles, which the hypothesis has none of.
+
+    proposals: bristles at any joint among them.
+    """
+    prepared = stage.prepared
+    if prepared.coulomb_lead > 0:
+        return frozenset()
+    soft = np.flatnonzero(prepared.coulomb_smoothing).tolist()
+    known = stage.hypothesis.joints_with(BRISTLES) | prepared.held | set(soft)
+    found = set()
+    for joint in range(prepared.joints):
+        own = [c for c in proposals if c.family.effect == BRISTLES and c.family.joint == joint]
+        if own and joint not in known and _hold(stage, joint, own):
+            found.add(joint)
+    return frozenset(found)
+
+
+def _hold(stage: Stage, joint: int, bristles: Sequence[Candidate]) -> bool:
+    """Whether bristles foretell what friction is at rest, and nothing simpler does."""
+    runs = stage.prepared.runs
+    near = [run.whole[:, joint] & ~run.used[:, joint] for run in runs]
+    if sum(np.count_nonzero(np.diff(each.astype(int), prepend=0) == 1) for each in near) < FEWEST_RESTS:
+        return False
+    left = np.concatenate([each[rows] for each, rows in zip(_left(stage, joint), near, strict=True)])
+    coulomb = float(standard_values(stage.prepared, stage.fitted.values)[PER_JOINT * joint + COULOMB])
+
+    def remaining(columns: Sequence[Array]) -> float:
+        """Of the squares, beside friction of such directions (M,) a unit of level."""
+        column = np.concatenate([each[rows] for each, rows in zip(columns, near, strict=True)])
+        size = max(float(column @ column), np.finfo(float).tiny)
+        level = np.clip(column @ left / size, *(coulomb * np.array(LEVEL)))
+        return float(np.sum((left - level * column) ** 2))
+
+    whole, counted = float(left @ left), sum(np.count_nonzero(run.whole[:, joint]) for run in runs)
+    most = min((1 - EXPLAINED) * whole, whole - counted * (SMALLEST * stage.ground.torque_rms[joint]) ** 2)
+    of_each = [remaining([run[:, 0, 0] for run in each.filtered]) for each in bristles]
+    likeliest = bristles[int(np.argmin(of_each))]
+    if coulomb <= 0 or min(of_each) > most:
+        return False
+    make, stiffest = likeliest.family.member, likeliest.family.refine["displacement"][0]
+    assert make is not None
+
+    def of_bristles(shape: Mapping[str, float]) -> float:
+        columns = make(shape).columns
+        return remaining(
+            [run.filtered(own, [joint])[:, 0, 0] for run, own in zip(runs, columns, strict=True)]
+        )
+
+    shape = likeliest.member.shape
+    middle = np.log(shape["displacement"])
+    best = minimize_scalar(
+        lambda logarithm: of_bristles({**shape, "displacement": float(np.exp(logarithm))}),
+        bounds=(middle - np.log(APART), middle + np.log(APART)),
+        method="bounded",
+        options={"xatol": TOLERANCE},
+    )
+    keeping = [remaining(_keeping(stage, joint, c.member)) for c in bristles if c.member.law is None]
+    return float(best.fun) < OF_RIVALS * min(of_bristles({"displacement": stiffest}), *keeping)
+
+
+def _left(stage: Stage, joint: int) -> list[Array]:
+    """What the hypothesis leaves of a joint's torque, near rest too, a run (M,) N·m."""
+    values, base = stage.fitted.values, stage.ground
+    own = values[: base.parameters][base.loading[joint]]
+    left = [gap[:, joint] - columns[joint] @ own for gap, columns in zip(base.gap, base.columns, strict=True)]
+    for each, part in zip(stage.hypothesis.accepted, stage.hypothesis.parts, strict=True):
+        if joint in each.member.rows:
+            place = each.member.rows.index(joint)
+            left = [
+                rest - run[:, place] @ values[part] for rest, run in zip(left, each.filtered, strict=True)
+            ]
+    return left
+
+
+def _keeping(stage: Stage, joint: int, bristle: Member) -> list[Array]:
+    """What a unit of Coulomb friction lacks that keeps its direction until bristles slide the other way."""
+    found = []
+    for run, columns in zip(stage.prepared.runs, bristle.columns, strict=True):
+        sign = np.sign(run.logged.dq[:, joint])
+        borne = columns[:, 0, 0] + sign
+        last = np.maximum.accumulate(np.where(np.abs(borne) >= SLIDES, np.arange(len(borne)), 0))
+        kept = np.where(np.abs(borne[last]) >= SLIDES, np.sign(borne[last]), 0.0)
+        found.append(run.filtered((kept - sign)[:, None, None], [joint])[:, 0, 0])
+    return found

@@ -1,0 +1,98 @@
+"""An arm that stands between its moves: what holds it there tells bristles from friction that jumps."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from diagnosis.attribution import attribute
+from diagnosis.candidates import candidates
+from diagnosis.diagnose import diagnose
+from diagnosis.ground import ground
+from diagnosis.preparation import Prepared, prepare
+from diagnosis.presliding_at_rest import held_by_bristles
+from diagnosis.weighing import Stage
+from testbench.effects import parse_injection
+from testbench.log import Recording
+from testbench.robot import Robot
+from testbench.simulation import SensorOptions, SimulationOptions, simulate
+from testbench.simulation.reference import Reference
+
+from .diagnosed import RATE
+from .small_arm import small_arm
+
+SHOULDER, STIFFNESS = 0, 4000.0
+MOVE, STAND, MOVES = 0.7, 0.6, 8
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return small_arm(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def bristled(arm: Robot) -> dict[str, Recording]:
+    return _picks(arm, f"presliding_hysteresis:shoulder:stiffness={STIFFNESS}")
+
+
+@pytest.fixture(scope="module")
+def healthy(arm: Robot) -> dict[str, Recording]:
+    return _picks(arm)
+
+
+def _picks(arm: Robot, *faults: str) -> dict[str, Recording]:
+    """Three runs of moves of least jerk from one place to another, with a stand after each."""
+    rng, references = np.random.default_rng(8), []
+    for _ in range(3):
+        places = rng.uniform(-1.0, 1.0, (MOVES + 1, arm.joints))
+        moves = [_move(start, end) for start, end in pairwise(places)]
+        references.append(Reference(*(np.concatenate(each) for each in zip(*moves, strict=True))))
+    options = SimulationOptions(
+        sensors=SensorOptions(encoder_bits=20, torque_noise=0.01),
+        physics_timestep=5e-4,
+        effects=tuple(parse_injection(arm, fault) for fault in faults),
+    )
+    return {f"run_{k + 1}": run for k, run in enumerate(simulate(arm, references, options, seed=8))}
+
+
+def _move(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity and acceleration (N, n) of a move and the stand after it."""
+    s = np.clip(np.arange(round((MOVE + STAND) * RATE)) / (MOVE * RATE), 0.0, 1.0)[:, None]
+    path = s**3 * (10 - 15 * s + 6 * s**2)
+    speed = 30 * s**2 * (1 - s) ** 2 / MOVE
+    acceleration = 60 * s * (1 - s) * (1 - 2 * s) / MOVE**2
+    return start + (end - start) * path, (end - start) * speed, (end - start) * acceleration
+
+
+def _held(prepared: Prepared) -> frozenset[int]:
+    """What bristles hold beside re-identification alone."""
+    return held_by_bristles(
+        Stage.of(ground(prepared), []), candidates(prepared, only=["presliding_hysteresis"])
+    )
+
+
+def test_bristles_are_told_by_what_holds_the_arm_between_its_moves(arm, bristled):
+    assert _held(prepare(arm, bristled)) == {SHOULDER}
+
+
+def test_friction_that_jumps_holds_the_arm_as_it_likes(arm, healthy):
+    assert _held(prepare(arm, healthy)) == frozenset()
+
+
+def test_samples_near_rest_count_where_bristles_hold(arm, bristled):
+    prepared = prepare(arm, bristled)
+    found = attribute(prepared)
+    assert found.prepared.held == {SHOULDER}
+    for before, after in zip(prepared.runs, found.prepared.runs, strict=True):
+        assert np.array_equal(after.used[:, SHOULDER], before.whole[:, SHOULDER])
+        assert np.array_equal(after.used[:, 1:], before.used[:, 1:])
+
+
+def test_they_are_named_and_leave_what_an_arm_without_them_does(arm, bristled, healthy):
+    found = diagnose(arm, bristled)
+    assert [(each.effect, each.joint) for each in found.effects] == [("presliding_hysteresis", SHOULDER)]
+    stiffness = found.effects[0].parameters["stiffness"]
+    assert abs(stiffness.value - STIFFNESS) < 3 * stiffness.std
+    assert found.gap.parameters[SHOULDER] > 4 * found.gap.effects[SHOULDER]
+    floor = diagnose(arm, healthy).gap.effects
+    assert found.gap.effects[SHOULDER] < 1.1 * floor[SHOULDER]
