@@ -111,7 +111,7 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
     # Beside what was taken in after it, a push is seen more clearly.
     resought = False
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
-        if (more := near_rest(stage, weighed, ahead, soft, sought.catalogue)) is not None:
+        if (more := near_rest(sized, stage, weighed, ahead, soft, sought.catalogue)) is not None:
             return more
         found = search.round(stage, weighed, free, accepted)
         if found is None and not resought and (place := _of_event(accepted)) < len(accepted) - 1:

@@ -15,7 +15,6 @@ from testbench.robot import Robot
 from .candidates import Candidate
 from .healthy import (
     BENDING,
-    BRISTLES,
     ELASTIC,
     OF_THE_LOAD,
     RIPPLE,
@@ -80,8 +79,6 @@ OF_THE_JOINT = (
 OF_ENCODER = ("encoder_offset", "encoder_eccentricity")
 OBVIOUS: Mapping[str, tuple[tuple[float, float], ...]] = {
     **dict.fromkeys(OF_THE_JOINT, ((0.04, 0.5), (0.025, 0.8))),
-    # Where samples near rest count, bristles may be stiff and show.
-    BRISTLES: ((0.04, 0.5), (0.025, 0.8)),
     # Teeth of a wrist's small gears may make as much of its torque.
     RIPPLE: ((0.04, 0.5), (0.03, 0.8)),
     **dict.fromkeys(OF_ENCODER, ((0.005, 0.55),)),
@@ -185,10 +182,8 @@ def _is_beyond(robot: Robot, stage: Stage, candidate: Candidate, coefficients: A
 
 def is_obvious(robot: Robot, stage: Stage, gain: Gain) -> bool:
     """Whether it takes more torque off its joint's error than any healthy robot would have there."""
-    name = gain.candidate.family.effect
-    levels = OBVIOUS.get(name, ())
-    # Bristles are the smaller the stiffer they are; those too stiff for these runs explain nothing here.
-    if name != BRISTLES and not _is_beyond(robot, stage, gain.candidate, gain.coefficients / OF_HEALTHY):
+    levels = OBVIOUS.get(gain.candidate.family.effect, ())
+    if not levels or not _is_beyond(robot, stage, gain.candidate, gain.coefficients / OF_HEALTHY):
         return False
     own = list(gain.candidate.member.rows)
     torque, share = stage.torque_shares(gain)[own], stage.shares(gain)[own]

@@ -19,6 +19,7 @@ from scipy.optimize import minimize_scalar
 
 from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects.logged import Logged
+from testbench.robot import Robot
 
 from .bank import Bank
 from .candidates import Candidate, without_law
@@ -85,12 +86,17 @@ def soft_candidates(prepared: Prepared) -> list[Candidate]:
 
 
 def near_rest(
-    stage: Stage, weighed: Sequence[Weighed], ahead: Bank, soft: Bank, catalogue: Sequence[Candidate]
+    robot: Robot,
+    stage: Stage,
+    weighed: Sequence[Weighed],
+    ahead: Bank,
+    soft: Bank,
+    catalogue: Sequence[Candidate],
 ) -> NearRest | None:
     """What friction does near rest beyond what is known; None for nothing.
 
-    weighed: what each effect of the catalogue explains beside the stage's. ahead, soft: of
-    ``lead_candidates`` and ``soft_candidates``.
+    robot: that sizes are relative to. weighed: what each effect of the catalogue explains beside the stage's.
+    ahead, soft: of ``lead_candidates`` and ``soft_candidates``.
     """
     least = np.full(stage.prepared.joints, SMALLEST_GAIN)
     for rival in weighed:
@@ -107,7 +113,7 @@ def near_rest(
         # How wide it turns is told once it is known when.
         return NearRest({}, lead)
     known = {int(j): float(w) for j, w in enumerate(stage.prepared.coulomb_smoothing) if w > 0}
-    widths, held = _soft(stage, least, soft), held_by_bristles(stage, catalogue)
+    widths, held = _soft(stage, least, soft), held_by_bristles(robot, stage, catalogue)
     if not widths and not held:
         return None
     return NearRest(known | widths, stage.prepared.coulomb_lead, stage.prepared.held | held - widths.keys())

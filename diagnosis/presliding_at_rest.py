@@ -6,7 +6,8 @@ between its moves shows them there and hardly anywhere else. Where they foretell
 samples near rest count as well.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,11 @@ from scipy.optimize import minimize_scalar
 
 from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects.signature import Member
+from testbench.robot import Robot
 
 from .candidates import Candidate
 from .evidence import standard_values
-from .healthy import BRISTLES
+from .healthy import BRISTLES, is_beyond_healthy
 from .weighing import Stage
 
 Array = NDArray[np.float64]
@@ -35,10 +37,10 @@ APART, TOLERANCE = 2.5, 0.05
 SLIDES = 0.9
 
 
-def held_by_bristles(stage: Stage, proposals: Sequence[Candidate]) -> frozenset[int]:
-    """The joints whose friction near rest is that of bristles, which the hypothesis has none of.
+def held_by_bristles(robot: Robot, stage: Stage, proposals: Sequence[Candidate]) -> frozenset[int]:
+    """The joints whose friction near rest is that of bristles softer than a healthy joint's.
 
-    proposals: bristles at any joint among them.
+    robot: that sizes are relative to. proposals: bristles at any joint among them.
     """
     prepared = stage.prepared
     if prepared.coulomb_lead > 0:
@@ -48,12 +50,12 @@ def held_by_bristles(stage: Stage, proposals: Sequence[Candidate]) -> frozenset[
     found = set()
     for joint in range(prepared.joints):
         own = [c for c in proposals if c.family.effect == BRISTLES and c.family.joint == joint]
-        if own and joint not in known and _hold(stage, joint, own):
+        if own and joint not in known and _hold(robot, stage, joint, own):
             found.add(joint)
     return frozenset(found)
 
 
-def _hold(stage: Stage, joint: int, bristles: Sequence[Candidate]) -> bool:
+def _hold(robot: Robot, stage: Stage, joint: int, bristles: Sequence[Candidate]) -> bool:
     """Whether bristles foretell what friction is at rest, and nothing simpler does."""
     runs = stage.prepared.runs
     near = [run.whole[:, joint] & ~run.used[:, joint] for run in runs]
@@ -62,38 +64,41 @@ def _hold(stage: Stage, joint: int, bristles: Sequence[Candidate]) -> bool:
     left = np.concatenate([each[rows] for each, rows in zip(_left(stage, joint), near, strict=True)])
     coulomb = float(standard_values(stage.prepared, stage.fitted.values)[PER_JOINT * joint + COULOMB])
 
-    def remaining(columns: Sequence[Array]) -> float:
-        """Of the squares, beside friction of such directions (M,) a unit of level."""
+    def beside(columns: Sequence[Array]) -> tuple[float, float]:
+        """What remains of the squares beside friction of such directions, a run (M,), and its level."""
         column = np.concatenate([each[rows] for each, rows in zip(columns, near, strict=True)])
         size = max(float(column @ column), np.finfo(float).tiny)
-        level = np.clip(column @ left / size, *(coulomb * np.array(LEVEL)))
-        return float(np.sum((left - level * column) ** 2))
+        level = float(np.clip(column @ left / size, *(coulomb * np.array(LEVEL))))
+        return float(np.sum((left - level * column) ** 2)), level
+
+    def beside_bristles(bristle: Member) -> tuple[float, float]:
+        each = zip(runs, bristle.columns, strict=True)
+        return beside([run.filtered(columns, [joint])[:, 0, 0] for run, columns in each])
 
     whole, counted = float(left @ left), sum(np.count_nonzero(run.whole[:, joint]) for run in runs)
     most = min((1 - EXPLAINED) * whole, whole - counted * (SMALLEST * stage.ground.torque_rms[joint]) ** 2)
-    of_each = [remaining([run[:, 0, 0] for run in each.filtered]) for each in bristles]
-    likeliest = bristles[int(np.argmin(of_each))]
+    of_each = [beside([run[:, 0, 0] for run in each.filtered])[0] for each in bristles]
     if coulomb <= 0 or min(of_each) > most:
         return False
-    make, stiffest = likeliest.family.member, likeliest.family.refine["displacement"][0]
+    likeliest = bristles[int(np.argmin(of_each))]
+    shape, family = likeliest.member.shape, likeliest.family
+    make = family.member
     assert make is not None
-
-    def of_bristles(shape: Mapping[str, float]) -> float:
-        columns = make(shape).columns
-        return remaining(
-            [run.filtered(own, [joint])[:, 0, 0] for run, own in zip(runs, columns, strict=True)]
-        )
-
-    shape = likeliest.member.shape
     middle = np.log(shape["displacement"])
-    best = minimize_scalar(
-        lambda logarithm: of_bristles({**shape, "displacement": float(np.exp(logarithm))}),
+    found = minimize_scalar(
+        lambda logarithm: beside_bristles(make({**shape, "displacement": float(np.exp(logarithm))}))[0],
         bounds=(middle - np.log(APART), middle + np.log(APART)),
         method="bounded",
         options={"xatol": TOLERANCE},
     )
-    keeping = [remaining(_keeping(stage, joint, c.member)) for c in bristles if c.member.law is None]
-    return float(best.fun) < OF_RIVALS * min(of_bristles({"displacement": stiffest}), *keeping)
+    bristle = make({**shape, "displacement": float(np.exp(found.x))})
+    best, level = beside_bristles(bristle)
+    softer, torque_rms = replace(likeliest, member=bristle), stage.ground.torque_rms
+    if not is_beyond_healthy(robot, torque_rms, softer, np.array([level])):
+        return False
+    keeping = [beside(_keeping(stage, joint, c.member))[0] for c in bristles if c.member.law is None]
+    stiffest = make({"displacement": family.refine["displacement"][0]})
+    return best < OF_RIVALS * min(beside_bristles(stiffest)[0], *keeping)
 
 
 def _left(stage: Stage, joint: int) -> list[Array]:

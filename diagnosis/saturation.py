@@ -117,15 +117,16 @@ def saturation(stage: Stage, free: Bank, limits: Sequence[Sequence[Cut]]) -> Wei
 
 
 def _likeliest(stage: Stage, limits: Sequence[Cut]) -> _Trial | None:
-    trials = [trial for cut in limits if (trial := _trial(stage, cut)) is not None]
-    if not trials:
+    scored = [(trial, k) for k, cut in enumerate(limits) if (trial := _trial(stage, cut)) is not None]
+    if not scored:
         return None
-    first = max(range(len(trials)), key=lambda k: trials[k].score)
-    best = trials[first]
+    best, at = max(scored, key=lambda each: each[0].score)
     if best.score <= SMALLEST_GAIN:
         return None
     family = best.cut.candidate.family
-    ends = trials[min(first + 1, len(trials) - 1)].cut.limit, trials[max(first - 1, 0)].cut.limit
+    # A command that runs away passes all limits between two quantiles at once: that next to the likeliest may
+    # clip too little to be tried itself.
+    ends = limits[min(at + 1, len(limits) - 1)].limit, limits[max(at - 1, 0)].limit
     tried: dict[float, _Trial] = {}
 
     def negative(limit: float) -> float:

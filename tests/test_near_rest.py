@@ -58,7 +58,8 @@ def _found(prepared: Prepared) -> NearRest:
     """What is soft beside re-identification alone, were there no effects to rival it."""
     stage = Stage(ground(prepared), *fitted_to(prepared, []))
     sought = lead_candidates(prepared), soft_candidates(prepared)
-    return near_rest(stage, [], *(Bank(stage.ground, each) for each in sought), []) or NearRest()
+    banks = [Bank(stage.ground, each) for each in sought]
+    return near_rest(prepared.robot, stage, [], *banks, []) or NearRest()
 
 
 def test_the_width_is_told_to_what_noise_allows(arm):

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from diagnosis.attribution import attribute
+from diagnosis.bank import Bank
+from diagnosis.generic import generic_candidates
+from diagnosis.ground import ground
 from diagnosis.healthy import quantities
 from diagnosis.preparation import prepare
-from diagnosis.saturation import cuts
+from diagnosis.saturation import cuts, saturation
+from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 from tests.diagnosed import simulated_runs
 from tests.small_arm import small_arm
@@ -54,6 +58,24 @@ def test_low_limits_are_tried_where_a_noisy_report_stays_at_its_peak(arm):
     assert lowest[1] < 0.05 * asked[1].max()
     # Of a motor that is never at its peak for long only the largest torques are tried.
     assert lowest[0] == pytest.approx(np.quantile(asked[0], 0.7), rel=0.05)
+
+
+def test_a_limit_is_found_that_a_command_running_away_leaps_over(arm):
+    runs = simulated_runs(arm, [], runs=3)
+    most = max(np.abs(run.torque[:, 1]).max() for run in runs.values())
+    least = float(np.quantile(np.abs(np.concatenate([run.torque[:, 1] for run in runs.values()])), 0.993))
+    for name, run in runs.items():
+        torque = run.torque.copy()
+        away = np.abs(torque[:, 1]) > least
+        torque[away, 1] = 3 * most * np.sign(torque[away, 1])
+        runs[name] = replace(run, torque=torque, torque_command=None)
+    prepared = prepare(arm, runs)
+    stage = Stage.of(ground(prepared), [])
+    # None is tried near the limit itself.
+    tried = [each for each in cuts(prepared)[1] if not 0.7 * most < each.limit < 2 * most]
+    found = saturation(stage, Bank(stage.ground, generic_candidates(prepared, [])), [[], tried])
+    assert found is not None
+    assert least < quantities(found.candidate, np.ones(1))["limit"].value < most
 
 
 def test_a_push_is_no_limit(arm):
