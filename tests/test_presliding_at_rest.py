@@ -66,9 +66,8 @@ def _move(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
 
 def _held(prepared: Prepared) -> frozenset[int]:
     """What bristles hold beside re-identification alone."""
-    return held_by_bristles(
-        Stage.of(ground(prepared), []), candidates(prepared, only=["presliding_hysteresis"])
-    )
+    bristles = candidates(prepared, only=["presliding_hysteresis"])
+    return held_by_bristles(prepared.robot, Stage.of(ground(prepared), []), bristles)
 
 
 def test_bristles_are_told_by_what_holds_the_arm_between_its_moves(arm, bristled):
