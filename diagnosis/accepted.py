@@ -40,7 +40,8 @@ class Accepted:
     of the parameters' shift that it spares. named: whether it is larger than on any healthy robot.
     is_certain: whether its size is known well enough for that. is_trace: found by a trace that only shows
     beside every joint's imperfections, or where there are none. is_everywhere: whether other joints are about
-    as imperfect, so that it has no name.
+    as imperfect, so that it has no name. by_size: whether it has a name as it is larger than on any healthy
+    robot, and for nothing else.
     """
 
     candidate: Candidate
@@ -54,6 +55,7 @@ class Accepted:
     is_certain: bool = True
     is_trace: bool = False
     is_everywhere: bool = False
+    by_size: bool = False
 
 
 def without_rests(accepted: Sequence[Accepted]) -> list[Accepted]:

@@ -39,8 +39,8 @@ class Candidate:
     """One member of a family on these runs.
 
     family: the effect and its place. member: which shape. filtered: a run, (M, r, k) at the member's rows.
-    joints: n of the robot. sample_time: s, the longest of these runs. is_carried: whether the load of these
-    runs has its torque already.
+    joints: n of the robot. sample_time: s, the longest of these runs. position_step: (n,) rad (m), that their
+    encoders count in, the coarsest. is_carried: whether the load of these runs has its torque already.
     """
 
     family: Family
@@ -48,6 +48,7 @@ class Candidate:
     filtered: tuple[Array, ...]
     joints: int
     sample_time: float
+    position_step: Array
     is_carried: bool = False
 
     @cached_property
@@ -95,7 +96,8 @@ def candidate(prepared: Prepared, family: Family, member: Member) -> Candidate:
         filtered = [run.filtered_windows(windows, rows, member.count) for run, windows in each_run]
     else:
         filtered = [run.filtered(own, rows) for run, own in zip(prepared.runs, columns, strict=True)]
-    return Candidate(family, member, tuple(filtered), prepared.joints, prepared.sample_time)
+    steps = prepared.sample_time, prepared.position_step
+    return Candidate(family, member, tuple(filtered), prepared.joints, *steps)
 
 
 def without_law(

@@ -47,7 +47,8 @@ HEALTHY_ELSE = 0.8
 # And all torques of one sample are reported together, whenever within it they acted.
 LAG, OF_SAMPLE = "actuator_lag", 0.4
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
-BRISTLES, SMALLEST_LEVEL = "presliding_hysteresis", 0.55
+# And an encoder that counts in no less than a part of their displacement looks like them.
+BRISTLES, SMALLEST_LEVEL, COUNTS = "presliding_hysteresis", 0.55, 2.5
 # Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
 LARGEST: Mapping[str, float] = {
     # Where no slow sample counts, any Stribeck friction seems to leave a little.
@@ -118,8 +119,11 @@ def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array, share:
 def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
     """Whether an effect is larger than what a healthy robot has of it; arguments as of ``size``."""
     name, joint = candidate.family.effect, candidate.family.joint
-    if name == BRISTLES and coefficients[0] < SMALLEST_LEVEL * scale_of("coulomb", robot, joint):
-        return False
+    if name == BRISTLES:
+        assert joint is not None
+        resolved = candidate.member.shape["displacement"] > COUNTS * candidate.position_step[joint]
+        if not resolved or coefficients[0] < SMALLEST_LEVEL * scale_of("coulomb", robot, joint):
+            return False
     if (
         name == LAG
         and _number(quantities(candidate, coefficients)["time_constant"]) < OF_SAMPLE * candidate.sample_time

@@ -16,7 +16,7 @@ from .alone import OF_EVERY_JOINT, is_alone
 from .candidates import SATURATION
 from .evidence import Fit, fitted_to, squares
 from .findings import Gap
-from .ground import Ground
+from .ground import Ground, ground
 from .healthy import is_beyond_healthy, is_excessive
 from .hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from .likelihood import Weighed, gained, gained_by_shift
@@ -86,6 +86,7 @@ def accepted_as(
         named=bool(beyond and main and certain and enough),
         is_certain=certain,
         is_trace=found.is_trace,
+        by_size=not (obvious or alone),
     )
 
 
@@ -158,10 +159,15 @@ def without_one(base: Ground, accepted: Sequence[Accepted], place: int) -> tuple
 def as_fitted_at_last(
     sized: Robot, hypothesis: Design, fitted: Fit, accepted: Sequence[Accepted]
 ) -> list[Accepted]:
-    """What was taken in with the shapes that all runs together give it; what no gear has loses its name."""
-    found = []
-    for item, own, candidate in zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True):
-        named = item.named and not is_excessive(sized, candidate, fitted.values[own], item.share)
+    """What was taken in with the shapes that all runs together give it.
+
+    What no gear has loses its name, and what is no larger then than on a healthy robot.
+    """
+    found, torque_rms = [], ground(hypothesis.prepared).torque_rms
+    for item, part, candidate in zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True):
+        own = candidate, fitted.values[part]
+        named = item.named and not is_excessive(sized, *own, item.share)
+        named = named and (not item.by_size or is_beyond_healthy(sized, torque_rms, *own))
         found.append(replace(item, candidate=candidate, named=named))
     return found
 

@@ -58,7 +58,8 @@ class Run:
     torque: (M, n), rows: (M, n, 14 n) standard regressor, both filtered. whole: (M, n) bool, away from what
     is made up. used: those of them that count, away from rest.
     smear: (n,) samples at full rate that each filter spreads what is near rest over. lost: how many samples
-    of the log were held or spoiled, and are interpolated. torque_step: (n,) N·m, that the log counts in.
+    of the log were held or spoiled, and are interpolated. torque_step, position_step: (n,) N·m and
+    rad (m), that the log counts in.
     """
 
     name: str
@@ -76,6 +77,7 @@ class Run:
     smear: NDArray[np.int64]
     lost: int
     torque_step: Array
+    position_step: Array
 
     def away_from(self, joint: int, speed: float) -> NDArray[np.bool_]:
         """The samples (M,) not smeared with friction turning, at speeds up to this one, rad/s (m/s)."""
@@ -138,6 +140,11 @@ class Prepared:
     def torque_step(self) -> Array:
         """(n,) N·m, in which the coarsest log counts."""
         return np.max([run.torque_step for run in self.runs], axis=0)
+
+    @property
+    def position_step(self) -> Array:
+        """(n,) rad (m), in which the coarsest log counts."""
+        return np.max([run.position_step for run in self.runs], axis=0)
 
     @property
     def nominal(self) -> Array:
@@ -218,7 +225,7 @@ class _Log:
     """A log before it is filtered.
 
     recording: mended, thinned and on a grid; motion: its own. stamps: (S,) s of what was not lost.
-    lost, torque_step: as of ``Run``.
+    lost, torque_step, position_step: as of ``Run``.
     """
 
     name: str
@@ -227,12 +234,14 @@ class _Log:
     stamps: Array
     lost: int
     torque_step: Array
+    position_step: Array
 
 
 def _log(name: str, recording: Recording, fast: float) -> _Log:
     lost = lost_samples(recording)
     even = on_grid(thinned(mended(recording, lost), fast))
-    return _Log(name, even, motion(even), recording.time[~lost], int(lost.sum()), _step(recording.torque))
+    steps = _step(recording.torque), _step(recording.position)
+    return _Log(name, even, motion(even), recording.time[~lost], int(lost.sum()), *steps)
 
 
 def _thinning(robot: Robot, logs: Sequence[_Log], band: float) -> int:
@@ -302,6 +311,7 @@ def _run(robot: Robot, log: _Log, bands: Array, thinning: int) -> Run:
         smear=2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1,
         lost=log.lost,
         torque_step=log.torque_step,
+        position_step=log.position_step,
     )
     # A reader faster than the robot holds every sample, and loses none by it.
     step = max(1 / rate, float(np.median(np.diff(log.stamps))))
@@ -311,10 +321,10 @@ def _run(robot: Robot, log: _Log, bands: Array, thinning: int) -> Run:
     return replace(run, whole=whole, used=whole & used)
 
 
-def _step(torque: Array) -> Array:
-    """The smallest difference (n,) of two samples of a torque (N, n) in a row, rounding apart; 0 for none."""
-    steps = np.abs(np.diff(torque, axis=0))
-    least = np.min(steps, axis=0, where=steps > ROUNDING * np.ptp(torque, axis=0), initial=np.inf)
+def _step(values: Array) -> Array:
+    """The smallest difference (n,) of two samples (N, n) in a row, rounding apart; 0 for none."""
+    steps = np.abs(np.diff(values, axis=0))
+    least = np.min(steps, axis=0, where=steps > ROUNDING * np.ptp(values, axis=0), initial=np.inf)
     return np.where(np.isfinite(least), least, 0.0)
 
 

@@ -258,6 +258,18 @@ def test_a_lag_of_less_than_a_share_of_a_sample_is_the_logs(tmp_path, samples, e
     assert is_beyond_healthy(arm, ground(prepared).torque_rms, slow, np.full(lag.count, wanted)) == expected
 
 
+@pytest.mark.parametrize(("counts", "expected"), [(1.0, False), (4.0, True)])
+def test_bristles_of_a_few_counts_of_an_encoder_are_the_encoders(tmp_path, counts, expected):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    bristles = candidates(prepared, only=["presliding_hysteresis"])[2]
+    coarse = replace(
+        bristles, position_step=np.full(arm.joints, bristles.member.shape["displacement"] / counts)
+    )
+    level = np.array([arm.parameters[COULOMB]])
+    assert is_beyond_healthy(arm, ground(prepared).torque_rms, coarse, level) == expected
+
+
 @pytest.mark.parametrize(
     ("last", "kilograms", "expected"), [(2.0, 0.2, False), (2.0, 0.6, True), (0.2, 0.15, True)]
 )

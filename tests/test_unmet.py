@@ -25,6 +25,7 @@ from diagnosis.ground import ground
 from diagnosis.naming import as_fitted_at_last, names_that_hold
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
+from identification.parameters import COULOMB
 from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs
@@ -166,11 +167,25 @@ def test_a_joint_that_warms_faster_than_any_by_all_runs_together_has_no_name(arm
     (taken_in, *_) = candidates(prepared, only=["thermal_friction_drift"])
     shape = taken_in.member.shape | {"time_constant": seconds}
     final = replace(taken_in, member=replace(taken_in.member, shape=shape))
-    hypothesis = SimpleNamespace(parts=[slice(0, taken_in.count)], accepted=[final])
+    hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, taken_in.count)], accepted=[final])
     fitted = SimpleNamespace(values=0.5 * np.eye(taken_in.count)[0])
     (item,) = as_fitted_at_last(arm, hypothesis, fitted, [_accepted(taken_in)])
     assert item.named == named
     assert item.candidate is final
+
+
+@pytest.mark.parametrize(
+    ("share", "by_size", "named"), [(0.12, True, True), (0.08, True, False), (0.08, False, True)]
+)
+def test_what_all_runs_together_make_no_larger_than_a_healthy_joints_has_no_name_for_its_size(
+    arm, prepared, share, by_size, named
+):
+    taken_in = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 0)
+    hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, 1)], accepted=[taken_in])
+    fitted = SimpleNamespace(values=np.array([share * arm.parameters[COULOMB]]))
+    sized = replace(_accepted(taken_in), by_size=by_size)
+    (item,) = as_fitted_at_last(arm, hypothesis, fitted, [sized])
+    assert item.named == named
 
 
 @pytest.mark.parametrize(
