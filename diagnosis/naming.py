@@ -17,7 +17,7 @@ from .candidates import SATURATION
 from .evidence import Fit, fitted_to, squares
 from .findings import Gap
 from .ground import Ground, ground
-from .healthy import is_beyond_healthy, is_excessive
+from .healthy import is_beyond_healthy, is_excessive, times_healthy
 from .hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import is_certainly_beyond, is_obvious
@@ -167,7 +167,7 @@ def as_fitted_at_last(
     for item, part, candidate in zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True):
         own = candidate, fitted.values[part]
         named = item.named and not is_excessive(sized, *own, item.share)
-        named = named and (not item.by_size or is_beyond_healthy(sized, torque_rms, *own))
+        named = named and (not item.by_size or times_healthy(sized, torque_rms, *own) > 1)
         found.append(replace(item, candidate=candidate, named=named))
     return found
 

@@ -19,18 +19,20 @@ from testbench.robot import Robot
 
 from .candidates import Candidate
 from .evidence import standard_values
-from .healthy import BRISTLES, is_beyond_healthy
+from .healthy import BRISTLES, times_healthy
 from .weighing import Stage
 
 Array = NDArray[np.float64]
 
-# What they must explain of the squares that are left near rest, and of what is left by friction that only
-# keeps its direction there, or by bristles too stiff for these runs.
-EXPLAINED, OF_RIVALS = 0.8, 0.5
+# What they must explain of the squares that are left near rest; and what they may leave of what the stiffest
+# bristles do, and of what friction does that only keeps its direction there.
+EXPLAINED, OF_STIFFEST, OF_KEPT = 0.8, 0.2, 0.5
 # In so many rests and turns at least, and by so much of the joint's torque over all of the runs.
 FEWEST_RESTS, SMALLEST = 6, 0.01
 # The share of the joint's Coulomb friction that they bear.
 LEVEL = 0.5, 1.5
+# And so many times as soft as a healthy joint's, which near rest are seen as well.
+SOFTER = 2.0
 # How far apart the displacements are that are tried first, and how well the likeliest is told from there.
 APART, TOLERANCE = 2.5, 0.05
 # From this share of their level on friction has the direction that they slide in.
@@ -45,8 +47,10 @@ def held_by_bristles(robot: Robot, stage: Stage, proposals: Sequence[Candidate])
     prepared = stage.prepared
     if prepared.coulomb_lead > 0:
         return frozenset()
+    # Beside others of its joint a law is only their rest.
+    taken_in = {each.family.joint for each in stage.hypothesis.accepted}
     soft = np.flatnonzero(prepared.coulomb_smoothing).tolist()
-    known = stage.hypothesis.joints_with(BRISTLES) | prepared.held | set(soft)
+    known = taken_in | prepared.held | set(soft)
     found = set()
     for joint in range(prepared.joints):
         own = [c for c in proposals if c.family.effect == BRISTLES and c.family.joint == joint]
@@ -94,11 +98,11 @@ def _hold(robot: Robot, stage: Stage, joint: int, bristles: Sequence[Candidate])
     bristle = make({**shape, "displacement": float(np.exp(found.x))})
     best, level = beside_bristles(bristle)
     softer, torque_rms = replace(likeliest, member=bristle), stage.ground.torque_rms
-    if not is_beyond_healthy(robot, torque_rms, softer, np.array([level])):
+    if times_healthy(robot, torque_rms, softer, np.array([level])) < SOFTER:
         return False
     keeping = [beside(_keeping(stage, joint, c.member))[0] for c in bristles if c.member.law is None]
-    stiffest = make({"displacement": family.refine["displacement"][0]})
-    return best < OF_RIVALS * min(beside_bristles(stiffest)[0], *keeping)
+    stiffest, _ = beside_bristles(make({"displacement": family.refine["displacement"][0]}))
+    return best < min(OF_STIFFEST * stiffest, OF_KEPT * min(keeping))
 
 
 def _left(stage: Stage, joint: int) -> list[Array]:
