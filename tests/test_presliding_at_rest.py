@@ -11,6 +11,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.ground import ground
 from diagnosis.preparation import Prepared, prepare
 from diagnosis.presliding_at_rest import held_by_bristles
+from diagnosis.report.words import near_rest
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 from testbench.log import Recording
@@ -90,6 +91,7 @@ def test_samples_near_rest_count_where_bristles_hold(arm, bristled):
 def test_they_are_named_and_leave_what_an_arm_without_them_does(arm, bristled, healthy):
     found = diagnose(arm, bristled)
     assert [(each.effect, each.joint) for each in found.effects] == [("presliding_hysteresis", SHOULDER)]
+    assert near_rest(found) == ["Bristles hold shoulder at rest: there, samples near rest count, too."]
     stiffness = found.effects[0].parameters["stiffness"]
     assert abs(stiffness.value - STIFFNESS) < 3 * stiffness.std
     assert found.gap.parameters[SHOULDER] > 4 * found.gap.effects[SHOULDER]
