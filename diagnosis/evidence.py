@@ -232,10 +232,16 @@ def _residual(hypothesis: Design, values: Array) -> tuple[Array, ...]:
 
 def _left(hypothesis: Design, run: int, part: slice, values: Array) -> Array:
     """Residual (M, n) N·m of a part of one run; zero where samples do not count."""
+    left = left_everywhere(hypothesis, run, part, values)
+    return np.where(hypothesis.prepared.runs[run].used[part], left, 0.0)
+
+
+def left_everywhere(hypothesis: Design, run: int, part: slice, values: Array) -> Array:
+    """The same where samples do not count, too."""
     base = ground(hypothesis.prepared)
     own = values[: base.parameters]
     each = zip(base.columns[run], base.loading, strict=True)
     left = base.gap[run][part] - np.column_stack([columns[part] @ own[loading] for columns, loading in each])
     for candidate, part_of in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         left[:, list(candidate.member.rows)] -= candidate.filtered[run][part] @ values[part_of]
-    return np.where(hypothesis.prepared.runs[run].used[part], left, 0.0)
+    return left

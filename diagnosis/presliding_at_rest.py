@@ -18,7 +18,7 @@ from testbench.effects.signature import Member
 from testbench.robot import Robot
 
 from .candidates import Candidate
-from .evidence import standard_values
+from .evidence import left_everywhere, standard_values
 from .healthy import BRISTLES, times_healthy
 from .weighing import Stage
 
@@ -51,21 +51,28 @@ def held_by_bristles(robot: Robot, stage: Stage, proposals: Sequence[Candidate])
     taken_in = {each.family.joint for each in stage.hypothesis.accepted}
     soft = np.flatnonzero(prepared.coulomb_smoothing).tolist()
     known = taken_in | prepared.held | set(soft)
+    values, whole = stage.fitted.values, slice(None)
+    left = [left_everywhere(stage.hypothesis, run, whole, values) for run in range(len(prepared.runs))]
     found = set()
     for joint in range(prepared.joints):
         own = [c for c in proposals if c.family.effect == BRISTLES and c.family.joint == joint]
-        if own and joint not in known and _hold(robot, stage, joint, own):
+        if own and joint not in known and _hold(robot, stage, joint, own, [run[:, joint] for run in left]):
             found.add(joint)
     return frozenset(found)
 
 
-def _hold(robot: Robot, stage: Stage, joint: int, bristles: Sequence[Candidate]) -> bool:
-    """Whether bristles foretell what friction is at rest, and nothing simpler does."""
+def _hold(
+    robot: Robot, stage: Stage, joint: int, bristles: Sequence[Candidate], residual: Sequence[Array]
+) -> bool:
+    """Whether bristles foretell what friction is at rest, and nothing simpler does.
+
+    residual: a run, (M,) N·m that the hypothesis leaves of the joint's torque, near rest too.
+    """
     runs = stage.prepared.runs
     near = [run.whole[:, joint] & ~run.used[:, joint] for run in runs]
     if sum(np.count_nonzero(np.diff(each.astype(int), prepend=0) == 1) for each in near) < FEWEST_RESTS:
         return False
-    left = np.concatenate([each[rows] for each, rows in zip(_left(stage, joint), near, strict=True)])
+    left = np.concatenate([each[rows] for each, rows in zip(residual, near, strict=True)])
     coulomb = float(standard_values(stage.prepared, stage.fitted.values)[PER_JOINT * joint + COULOMB])
 
     def beside(columns: Sequence[Array]) -> tuple[float, float]:
@@ -103,20 +110,6 @@ def _hold(robot: Robot, stage: Stage, joint: int, bristles: Sequence[Candidate])
     keeping = [beside(_keeping(stage, joint, c.member))[0] for c in bristles if c.member.law is None]
     stiffest, _ = beside_bristles(make({"displacement": family.refine["displacement"][0]}))
     return best < min(OF_STIFFEST * stiffest, OF_KEPT * min(keeping))
-
-
-def _left(stage: Stage, joint: int) -> list[Array]:
-    """What the hypothesis leaves of a joint's torque, near rest too, a run (M,) N·m."""
-    values, base = stage.fitted.values, stage.ground
-    own = values[: base.parameters][base.loading[joint]]
-    left = [gap[:, joint] - columns[joint] @ own for gap, columns in zip(base.gap, base.columns, strict=True)]
-    for each, part in zip(stage.hypothesis.accepted, stage.hypothesis.parts, strict=True):
-        if joint in each.member.rows:
-            place = each.member.rows.index(joint)
-            left = [
-                rest - run[:, place] @ values[part] for rest, run in zip(left, each.filtered, strict=True)
-            ]
-    return left
 
 
 def _keeping(stage: Stage, joint: int, bristle: Member) -> list[Array]:
