@@ -7,7 +7,6 @@ samples near rest count as well.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +16,10 @@ from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects.signature import Member
 from testbench.robot import Robot
 
-from .candidates import Candidate
+from .candidates import Candidate, candidate, without_law
 from .evidence import left_everywhere, standard_values
 from .healthy import BRISTLES, times_healthy
+from .preparation import Prepared
 from .weighing import Stage
 
 Array = NDArray[np.float64]
@@ -68,57 +68,61 @@ def _hold(
 
     residual: a run, (M,) N·m that the hypothesis leaves of the joint's torque, near rest too.
     """
-    runs = stage.prepared.runs
-    near = [run.whole[:, joint] & ~run.used[:, joint] for run in runs]
-    if sum(np.count_nonzero(np.diff(each.astype(int), prepend=0) == 1) for each in near) < FEWEST_RESTS:
+    prepared = stage.prepared
+    near = [run.whole[:, joint] & ~run.used[:, joint] for run in prepared.runs]
+    rests = sum(np.count_nonzero(np.diff(each.astype(int), prepend=0) == 1) for each in near)
+    coulomb = float(standard_values(prepared, stage.fitted.values)[PER_JOINT * joint + COULOMB])
+    if rests < FEWEST_RESTS or coulomb <= 0:
         return False
     left = np.concatenate([each[rows] for each, rows in zip(residual, near, strict=True)])
-    coulomb = float(standard_values(stage.prepared, stage.fitted.values)[PER_JOINT * joint + COULOMB])
 
-    def beside(columns: Sequence[Array]) -> tuple[float, float]:
-        """What remains of the squares beside friction of such directions, a run (M,), and its level."""
-        column = np.concatenate([each[rows] for each, rows in zip(columns, near, strict=True)])
+    def beside(friction: Candidate) -> tuple[float, float]:
+        """What remains of the squares beside so much of a unit of level, and the level."""
+        each = zip(friction.filtered, near, strict=True)
+        column = np.concatenate([filtered[rows, 0, 0] for filtered, rows in each])
         size = max(float(column @ column), np.finfo(float).tiny)
         level = float(np.clip(column @ left / size, *(coulomb * np.array(LEVEL))))
         return float(np.sum((left - level * column) ** 2)), level
 
-    def beside_bristles(bristle: Member) -> tuple[float, float]:
-        each = zip(runs, bristle.columns, strict=True)
-        return beside([run.filtered(columns, [joint])[:, 0, 0] for run, columns in each])
-
-    whole, counted = float(left @ left), sum(np.count_nonzero(run.whole[:, joint]) for run in runs)
-    most = min((1 - EXPLAINED) * whole, whole - counted * (SMALLEST * stage.ground.torque_rms[joint]) ** 2)
-    of_each = [beside([run[:, 0, 0] for run in each.filtered])[0] for each in bristles]
-    if coulomb <= 0 or min(of_each) > most:
+    torque_rms = stage.ground.torque_rms
+    whole, counted = float(left @ left), sum(np.count_nonzero(run.whole[:, joint]) for run in prepared.runs)
+    most = min((1 - EXPLAINED) * whole, whole - counted * (SMALLEST * torque_rms[joint]) ** 2)
+    of_each = [beside(each)[0] for each in bristles]
+    if min(of_each) > most:
         return False
     likeliest = bristles[int(np.argmin(of_each))]
-    shape, family = likeliest.member.shape, likeliest.family
-    make = family.member
+    family, make = likeliest.family, likeliest.family.member
     assert make is not None
-    middle = np.log(shape["displacement"])
+
+    def of_displacement(displacement: float) -> Candidate:
+        shape = {**likeliest.member.shape, "displacement": displacement}
+        return candidate(prepared, family, make(shape))
+
+    middle = np.log(likeliest.member.shape["displacement"])
     found = minimize_scalar(
-        lambda logarithm: beside_bristles(make({**shape, "displacement": float(np.exp(logarithm))}))[0],
+        lambda logarithm: beside(of_displacement(float(np.exp(logarithm))))[0],
         bounds=(middle - np.log(APART), middle + np.log(APART)),
         method="bounded",
         options={"xatol": TOLERANCE},
     )
-    bristle = make({**shape, "displacement": float(np.exp(found.x))})
-    best, level = beside_bristles(bristle)
-    softer, torque_rms = replace(likeliest, member=bristle), stage.ground.torque_rms
-    if times_healthy(robot, torque_rms, softer, np.array([level])) < SOFTER:
+    bristle = of_displacement(float(np.exp(found.x)))
+    best, level = beside(bristle)
+    if times_healthy(robot, torque_rms, bristle, np.array([level])) < SOFTER:
         return False
-    keeping = [beside(_keeping(stage, joint, c.member))[0] for c in bristles if c.member.law is None]
-    stiffest, _ = beside_bristles(make({"displacement": family.refine["displacement"][0]}))
-    return best < min(OF_STIFFEST * stiffest, OF_KEPT * min(keeping))
+    keeping = [
+        beside(_keeping(prepared, joint, each.member))[0] for each in bristles if each.member.law is None
+    ]
+    stiffest = candidate(prepared, family, make({"displacement": family.refine["displacement"][0]}))
+    return best < min(OF_STIFFEST * beside(stiffest)[0], OF_KEPT * min(keeping))
 
 
-def _keeping(stage: Stage, joint: int, bristle: Member) -> list[Array]:
+def _keeping(prepared: Prepared, joint: int, bristle: Member) -> Candidate:
     """What a unit of Coulomb friction lacks that keeps its direction until bristles slide the other way."""
-    found = []
-    for run, columns in zip(stage.prepared.runs, bristle.columns, strict=True):
+    columns = []
+    for run, of_bristle in zip(prepared.runs, bristle.columns, strict=True):
         sign = np.sign(run.logged.dq[:, joint])
-        borne = columns[:, 0, 0] + sign
+        borne = of_bristle[:, 0, 0] + sign
         last = np.maximum.accumulate(np.where(np.abs(borne) >= SLIDES, np.arange(len(borne)), 0))
         kept = np.where(np.abs(borne[last]) >= SLIDES, np.sign(borne[last]), 0.0)
-        found.append(run.filtered((kept - sign)[:, None, None], [joint])[:, 0, 0])
-    return found
+        columns.append((kept - sign)[:, None])
+    return without_law(prepared, "friction that keeps its direction", joint, columns, np.zeros(1), {})

@@ -55,6 +55,7 @@ def test_friction_that_bends_hardly_more_than_at_other_joints_is_no_joints_effec
     [
         ({"fold": 1000.0}, [1]),
         ({"fold": 1000.0, "turn": 1400.0}, [0, 1]),
+        ({"fold": 1500.0, "turn": 5000.0}, [0, 1]),
         # Of these three the quill alone carries little beside friction.
         ({"fold": 1500.0, "turn": 4000.0, "lift": 6000.0}, [2]),
     ],
