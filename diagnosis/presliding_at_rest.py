@@ -7,6 +7,7 @@ samples near rest count as well.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,9 @@ LEVEL = 0.5, 1.5
 SOFTER = 2.0
 # How far apart the displacements are that are tried first, and how well the likeliest is told from there.
 APART, TOLERANCE = 2.5, 0.05
+# Where this share of the other joints, three at least, gives way near rest at least this share as far, it is
+# how this robot's joints are.
+OF_OTHERS, ALIKE, FEWEST_ALIKE = 0.5, 0.5, 3
 # From this share of their level on friction has the direction that they slide in.
 SLIDES = 0.9
 
@@ -47,24 +51,47 @@ def held_by_bristles(robot: Robot, stage: Stage, proposals: Sequence[Candidate])
     prepared = stage.prepared
     if prepared.coulomb_lead > 0:
         return frozenset()
-    # Beside others of its joint a law is only their rest.
-    taken_in = {each.family.joint for each in stage.hypothesis.accepted}
-    soft = np.flatnonzero(prepared.coulomb_smoothing).tolist()
-    known = taken_in | prepared.held | set(soft)
     values, whole = stage.fitted.values, slice(None)
     left = [left_everywhere(stage.hypothesis, run, whole, values) for run in range(len(prepared.runs))]
-    found = set()
-    for joint in range(prepared.joints):
-        own = [c for c in proposals if c.family.effect == BRISTLES and c.family.joint == joint]
-        if own and joint not in known and _hold(robot, stage, joint, own, [run[:, joint] for run in left]):
-            found.add(joint)
-    return frozenset(found)
+    soft = set(np.flatnonzero(prepared.coulomb_smoothing).tolist())
+    bristles = [
+        [c for c in proposals if c.family.effect == BRISTLES and c.family.joint == joint]
+        for joint in range(prepared.joints)
+    ]
+
+    def seen(joint: int) -> _Seen:
+        if joint in soft or not bristles[joint]:
+            return _Seen()
+        return _seen(robot, stage, joint, bristles[joint], [run[:, joint] for run in left])
+
+    # Beside others of its joint a law is only their rest.
+    known = {each.family.joint for each in stage.hypothesis.accepted} | prepared.held
+    of_joint = {joint: seen(joint) for joint in range(prepared.joints) if joint not in known}
+    found = {joint: each.times for joint, each in of_joint.items() if each.times >= SOFTER and each.foretells}
+    if not found:
+        return frozenset()
+    others = np.array([(of_joint.get(joint) or seen(joint)).times for joint in range(prepared.joints)])
+    others[list(prepared.held)] = np.inf
+    many = max(OF_OTHERS * (prepared.joints - 1), FEWEST_ALIKE)
+    return frozenset(
+        joint
+        for joint, times in found.items()
+        if np.count_nonzero(np.delete(others, joint) >= ALIKE * times) < many
+    )
 
 
-def _hold(
+@dataclass(frozen=True)
+class _Seen:
+    """Bristles near rest: how many times a healthy joint's, and whether nothing simpler does as well."""
+
+    times: float = 0.0
+    foretells: bool = False
+
+
+def _seen(
     robot: Robot, stage: Stage, joint: int, bristles: Sequence[Candidate], residual: Sequence[Array]
-) -> bool:
-    """Whether bristles foretell what friction is at rest, and nothing simpler does.
+) -> _Seen:
+    """The bristles that foretell what friction of the joint is at rest; none where none do.
 
     residual: a run, (M,) N·m that the hypothesis leaves of the joint's torque, near rest too.
     """
@@ -73,7 +100,7 @@ def _hold(
     rests = sum(np.count_nonzero(np.diff(each.astype(int), prepend=0) == 1) for each in near)
     coulomb = float(standard_values(prepared, stage.fitted.values)[PER_JOINT * joint + COULOMB])
     if rests < FEWEST_RESTS or coulomb <= 0:
-        return False
+        return _Seen()
     left = np.concatenate([each[rows] for each, rows in zip(residual, near, strict=True)])
 
     def beside(friction: Candidate) -> tuple[float, float]:
@@ -89,7 +116,7 @@ def _hold(
     most = min((1 - EXPLAINED) * whole, whole - counted * (SMALLEST * torque_rms[joint]) ** 2)
     of_each = [beside(each)[0] for each in bristles]
     if min(of_each) > most:
-        return False
+        return _Seen()
     likeliest = bristles[int(np.argmin(of_each))]
     family, make = likeliest.family, likeliest.family.member
     assert make is not None
@@ -107,13 +134,12 @@ def _hold(
     )
     bristle = of_displacement(float(np.exp(found.x)))
     best, level = beside(bristle)
-    if times_healthy(robot, torque_rms, bristle, np.array([level])) < SOFTER:
-        return False
+    times = times_healthy(robot, torque_rms, bristle, np.array([level]))
     keeping = [
         beside(_keeping(prepared, joint, each.member))[0] for each in bristles if each.member.law is None
     ]
     stiffest = candidate(prepared, family, make({"displacement": family.refine["displacement"][0]}))
-    return best < min(OF_STIFFEST * beside(stiffest)[0], OF_KEPT * min(keeping))
+    return _Seen(times, best < min(OF_STIFFEST * beside(stiffest)[0], OF_KEPT * min(keeping)))
 
 
 def _keeping(prepared: Prepared, joint: int, bristle: Member) -> Candidate:
