@@ -91,7 +91,7 @@ LEAST_BENT = 0.7
 MOST_BENT = 30.0
 # A kilogram is much on a small arm: there a mild payload is this share of the last link, or of the heaviest's
 # hundredth where the model has next to nothing last.
-PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.8, 0.01
+PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.45, 0.01
 # An effect's size is its first parameter, or the largest of these.
 SIZES: Mapping[str, tuple[str, ...]] = {
     "asymmetric_friction": ("offset", "viscous_difference"),

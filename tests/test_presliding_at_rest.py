@@ -13,9 +13,10 @@ from diagnosis.preparation import Prepared, prepare
 from diagnosis.presliding_at_rest import held_by_bristles
 from diagnosis.report.words import near_rest
 from diagnosis.weighing import Stage
+from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects import parse_injection
 from testbench.log import Recording
-from testbench.robot import Robot
+from testbench.robot import Robot, load_robot
 from testbench.simulation import SensorOptions, SimulationOptions, simulate
 from testbench.simulation.reference import Reference
 
@@ -77,6 +78,15 @@ def test_bristles_are_told_by_what_holds_the_arm_between_its_moves(arm, bristled
 
 def test_friction_that_jumps_holds_the_arm_as_it_likes(arm, healthy):
     assert _held(prepare(arm, healthy)) == frozenset()
+
+
+@pytest.mark.parametrize(("bristled_joints", "held"), [(3, {0, 1, 2}), (4, set())])
+def test_what_most_joints_have_is_how_the_robot_is(models, bristled_joints, held):
+    robot = load_robot(models / "tx90.xml")
+    coulomb = robot.parameters.reshape(-1, PER_JOINT)[:bristled_joints, COULOMB]
+    soft = zip(robot.joint_names, coulomb / 6e-4, strict=False)
+    runs = _picks(robot, *(f"presliding_hysteresis:{name}:stiffness={k}" for name, k in soft))
+    assert _held(prepare(robot, runs)) == held
 
 
 def test_samples_near_rest_count_where_bristles_hold(arm, bristled):
