@@ -1,7 +1,8 @@
 """What sensor noise alone leaves of a torque residual, from the logs themselves.
 
 Where the reference repeats, what differs between repetitions is noise and what repeats is misfit.
-Elsewhere the spectrum of the noise, where it is seen alone, is continued into the band of the motion.
+Elsewhere the spectrum of torque's noise, where it is seen alone, is continued into the band of the motion.
+What the residual has more of there is encoders' noise differentiated twice, which the low-pass takes off.
 """
 
 from functools import lru_cache
@@ -20,15 +21,20 @@ REPEATS = 1e-9
 QUIET, HIGHEST, FEWEST = 1.5, 0.45, 8
 # Hz, the lowest corner of a drive's noise, and how many are tried.
 CORNER, CORNERS = 5.0, 40
+# s, and samples at least, of a segment: in most of them no friction turns. And the longest, of a residual.
+SEGMENT, SHORTEST, LONGEST = 0.15, 64, 512
+# From this mean misfit of its logarithm on a density falls as no noise does: the log was low-passed before.
+LOW_PASSED = 0.7
 
 
 @lru_cache(maxsize=2)
 def noise_rms(prepared: Prepared) -> Array:
-    """RMS (n,) N·m that noise leaves after the parallel filter, over all runs."""
+    """RMS (n,) N·m that noise of torque and encoders leaves after the parallel filter, over all runs."""
     squares = [_repetition(run) for run in prepared.runs]
     known = [s for s in squares if s is not None]
-    chosen = known if known else [_quiet_band(run) for run in prepared.runs]
-    return np.sqrt(np.mean(chosen, axis=0))
+    if known:
+        return np.sqrt(np.mean(known, axis=0))
+    return np.sqrt(np.mean([_quiet_band(run) for run in prepared.runs], axis=0) + prepared.encoder_torque**2)
 
 
 def _repetition(run: Run) -> Array | None:
@@ -69,28 +75,53 @@ def _period(reference: Array) -> int | None:
 
 
 def _quiet_band(run: Run) -> Array:
-    """Mean square (n,) of the noise below the cut-off, from how the residual's spectrum falls beyond it.
+    """Mean square (n,) of the torque's noise below the cut-off, from how its spectrum falls beyond motion's.
 
-    A first-order spectrum s / (1 + (f / f_c)²) is fitted to the logarithm of the density between the motion's
-    band and the top of what was recorded, and continued downwards: sensor noise of drives is coloured.
+    Where the log's torque was low-passed no noise is left there, and what the residual has stands for it.
     """
-    rate, band_top = run.logged.sample_rate, run.logged.cutoff / 2
-    # Reversals of friction are broadband but rare: the median over segments is not moved by them.
-    length = min(512, len(run.logged.residual))
-    frequency, density = signal.welch(run.logged.residual, rate, nperseg=length, axis=0, average="median")
-    seen = (frequency >= QUIET * band_top) & (frequency <= HIGHEST * rate)
-    if seen.sum() < FEWEST:
-        return density[-1] * rate / 2 * np.array([np.sum(each.taps**2) for each in run.filters])
-    step = frequency[1] - frequency[0]
-    found = np.empty(density.shape[1])
-    for joint, own in enumerate(np.log(np.maximum(density[seen], 1e-300)).T):
-        shapes = [-np.log1p((frequency / corner) ** 2) for corner in np.geomspace(CORNER, rate, CORNERS)]
-        levels = [np.median(own - shape[seen]) for shape in shapes]
-        misfit = [
-            np.sum(np.abs(own - shape[seen] - level)) for shape, level in zip(shapes, levels, strict=True)
-        ]
-        best = int(np.argmin(misfit))
-        # What the filter lets pass of a density at each frequency.
-        passed = np.abs(np.fft.rfft(run.filters[joint].taps, 2 * (len(frequency) - 1))) ** 2
-        found[joint] = np.sum(np.exp(levels[best] + shapes[best]) * passed) * step
+    rate, samples = run.logged.sample_rate, run.logged.samples
+    short = min(max(SHORTEST, round(SEGMENT * rate)), samples)
+    frequency, torque = _density(run.logged.tau, rate, short)
+    _, residual = _density(run.logged.residual, rate, short)
+    density = np.minimum(torque, residual)
+    long_frequency, long_density = _density(run.logged.residual, rate, min(LONGEST, samples))
+    found = np.empty(run.logged.joints)
+    for joint in range(run.logged.joints):
+        found[joint], misfit = _continued(run, joint, frequency, density[:, joint])
+        if misfit > LOW_PASSED:
+            found[joint], _ = _continued(run, joint, long_frequency, long_density[:, joint])
     return found
+
+
+def _density(values: Array, rate: float, length: int) -> tuple[Array, Array]:
+    """Frequencies (F,) Hz and density (F, n), the median over segments of so many samples.
+
+    Reversals of friction are broadband but rare: the median is not moved by them.
+    """
+    frequency, density = signal.welch(values, rate, nperseg=length, axis=0, average="median")
+    return frequency, density
+
+
+def _continued(run: Run, joint: int, frequency: Array, density: Array) -> tuple[float, float]:
+    """The mean square that passes a joint's filter, and by how much the density's logarithm is missed.
+
+    A first-order spectrum s / (1 + (f / f_c)²) is fitted to the logarithm of the density (F,) between the
+    motion's band and the top of what was recorded, and continued downwards: noise of drives is coloured.
+    """
+    rate, taps = run.logged.sample_rate, run.filters[joint].taps
+    seen = (frequency >= QUIET * run.logged.cutoff / 2) & (frequency <= HIGHEST * rate)
+    if seen.sum() < FEWEST:
+        return float(density[-1] * rate / 2 * np.sum(taps**2)), 0.0
+    own = np.log(np.maximum(density[seen], 1e-300))
+    corners = np.geomspace(CORNER, rate, CORNERS)
+    shapes = [-np.log1p((frequency[seen] / corner) ** 2) for corner in corners]
+    levels = [float(np.median(own - shape)) for shape in shapes]
+    misfit = [
+        float(np.mean(np.abs(own - shape - level))) for shape, level in zip(shapes, levels, strict=True)
+    ]
+    best = int(np.argmin(misfit))
+    # What the filter lets pass, on a grid that tells its band.
+    length = 1 << int(np.ceil(np.log2(4 * len(taps))))
+    passed = np.abs(np.fft.rfft(taps, length)) ** 2
+    continued = np.exp(levels[best]) / (1 + (np.fft.rfftfreq(length, 1 / rate) / corners[best]) ** 2)
+    return float(np.sum(continued * passed) * rate / length), misfit[best]
