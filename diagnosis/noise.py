@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 REPEATS = 1e-9
 # Where only noise is left: above this multiple of the low-pass, below this share of the sample rate.
 QUIET, HIGHEST, FEWEST = 1.5, 0.45, 8
-# Hz, the lowest corner of a drive's noise, and how many are tried.
+# Hz, the lowest corner of a drive's noise, and how many are tried beside none.
 CORNER, CORNERS = 5.0, 40
 # s, and samples at least, of a segment: in most of them no friction turns. And the longest, of a residual.
 SEGMENT, SHORTEST, LONGEST = 0.15, 64, 512
@@ -113,7 +113,7 @@ def _continued(run: Run, joint: int, frequency: Array, density: Array) -> tuple[
     if seen.sum() < FEWEST:
         return float(density[-1] * rate / 2 * np.sum(taps**2)), 0.0
     own = np.log(np.maximum(density[seen], 1e-300))
-    corners = np.geomspace(CORNER, rate, CORNERS)
+    corners = np.append(np.geomspace(CORNER, rate, CORNERS), np.inf)
     shapes = [-np.log1p((frequency[seen] / corner) ** 2) for corner in corners]
     levels = [float(np.median(own - shape)) for shape in shapes]
     misfit = [

@@ -1,7 +1,5 @@
 """An arm that stands between its moves: what holds it there tells bristles from friction that jumps."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
@@ -18,13 +16,11 @@ from testbench.effects import parse_injection
 from testbench.log import Recording
 from testbench.robot import Robot, load_robot
 from testbench.simulation import SensorOptions, SimulationOptions, simulate
-from testbench.simulation.reference import Reference
 
-from .diagnosed import RATE
 from .small_arm import small_arm
+from .standing import between_places
 
 SHOULDER, STIFFNESS = 0, 4000.0
-MOVE, STAND, MOVES = 0.7, 0.6, 8
 
 
 @pytest.fixture(scope="module")
@@ -43,27 +39,14 @@ def healthy(arm: Robot) -> dict[str, Recording]:
 
 
 def _picks(arm: Robot, *faults: str) -> dict[str, Recording]:
-    """Three runs of moves of least jerk from one place to another, with a stand after each."""
-    rng, references = np.random.default_rng(8), []
-    for _ in range(3):
-        places = rng.uniform(-1.0, 1.0, (MOVES + 1, arm.joints))
-        moves = [_move(start, end) for start, end in pairwise(places)]
-        references.append(Reference(*(np.concatenate(each) for each in zip(*moves, strict=True))))
+    """Three runs of moves from one place to another, with a stand after each."""
     options = SimulationOptions(
         sensors=SensorOptions(encoder_bits=20, torque_noise=0.01),
         physics_timestep=5e-4,
         effects=tuple(parse_injection(arm, fault) for fault in faults),
     )
-    return {f"run_{k + 1}": run for k, run in enumerate(simulate(arm, references, options, seed=8))}
-
-
-def _move(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position, velocity and acceleration (N, n) of a move and the stand after it."""
-    s = np.clip(np.arange(round((MOVE + STAND) * RATE)) / (MOVE * RATE), 0.0, 1.0)[:, None]
-    path = s**3 * (10 - 15 * s + 6 * s**2)
-    speed = 30 * s**2 * (1 - s) ** 2 / MOVE
-    acceleration = 60 * s * (1 - s) * (1 - 2 * s) / MOVE**2
-    return start + (end - start) * path, (end - start) * speed, (end - start) * acceleration
+    runs = simulate(arm, between_places(arm.joints), options, seed=8)
+    return {f"run_{k + 1}": run for k, run in enumerate(runs)}
 
 
 def _held(prepared: Prepared) -> frozenset[int]:
