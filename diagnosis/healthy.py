@@ -82,6 +82,8 @@ OF_THE_LOAD, MOST_OF_LOAD = "load_dependent_friction", 1.5
 # joint leaves, it is no imitation.
 ALL_BUT_ALL, MOST_OF_WORMS = 0.95, 4.0
 WARMING, SHORTEST_WARMING = "thermal_friction_drift", 3.5
+# What warms for far longer than the runs last has any drop: it is sized as if with this time constant.
+LONGEST_WARMING = 80.0
 # The typical coefficient of nonlinear friction is that of a small exponent; a larger one bends the viscous
 # torque by this share, if mildly.
 BENDING, BENT = "nonlinear_viscous_friction", 0.1
@@ -191,6 +193,8 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
         value = _number(values[name])
         if family.effect == CABLE:
             value *= _lever(robot, family.joint, values)
+        if family.effect == WARMING:
+            value *= _reached(candidate)
         exponent = _number(values["exponent"]) if family.effect == BENDING else 1.0
         if exponent < 1:
             # As little as that bends what viscous friction would be.
@@ -216,6 +220,14 @@ def _lever(robot: Robot, joint: int | None, values: Mapping[str, Quantity]) -> f
     assert joint is not None
     lever = min(0.5 * float(robot.limits.upper[joint] - robot.limits.lower[joint]), 1.0)
     return lever * (1 + (lever / _number(values["doubling"])) ** 2) if "doubling" in values else lever
+
+
+def _reached(candidate: Candidate) -> float:
+    """How much warmer a joint gets in its runs than it would with a time constant that they tell, or one."""
+    member = candidate.member
+    seconds = candidate.sample_time * sum(len(each) for each in member.columns)
+    longest, constant = LONGEST_WARMING, member.shape["time_constant"]
+    return min(float(np.expm1(-seconds / constant) / np.expm1(-seconds / longest)), 1.0)
 
 
 def _number(quantity: Quantity) -> float:

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Member
 from testbench.robot import Robot
 
+from .bank import Bank
 from .candidates import Candidate, candidate
 from .deviations import covariance_with_shapes
 from .evidence import Fit, fit, fitted_to
 from .ground import ground
-from .healthy import is_plausible
+from .healthy import WARMING, is_plausible
 from .hypothesis import DELAY, Design, design
+from .likelihood import weigh
 from .shape_search import ranges, search, searched_for, share_of
 from .weighing import Stage
 
@@ -61,7 +63,8 @@ def at_likeliest_shape(
     before = stage.exactly(each)
     if before is None:
         return each
-    best, most = each, before[0]
+    each, most = _by_another_way(robot, stage, each, before[0])
+    best = each
 
     def negative(shaped: Member) -> float:
         nonlocal best, most
@@ -76,6 +79,22 @@ def at_likeliest_shape(
     steps = np.clip(_deviations(hypothesis, fitted, place), least_step, MOST_STEP)
     search(each, steps, TRIED * len(steps), negative)
     return best
+
+
+def _by_another_way(robot: Robot, stage: Stage, each: Candidate, most: float) -> tuple[Candidate, float]:
+    """An effect, or the member of its family that is likelier yet; and what ``Stage.exactly`` says of it.
+
+    A joint warms by heat or by the clock, and rests between runs or does not: how warm a run begins tells the
+    time constant closely, and beside other effects another way may be the right one. most: of ``each``.
+    """
+    if each.family.effect != WARMING:
+        return each, most
+    members = [candidate(stage.prepared, each.family, member) for member in each.family.members]
+    for likely in weigh(stage, Bank(stage.ground, members)):
+        exact = stage.exactly(likely.candidate)
+        if exact is not None and exact[0] > most and is_plausible(robot, likely.candidate, exact[1]):
+            return likely.candidate, exact[0]
+    return each, most
 
 
 def _deviations(hypothesis: Design, fitted: Fit, place: int) -> Array:

@@ -57,7 +57,8 @@ HOUSING_SHARE, HOUSING_SLOWNESS = 0.5, 5.0
 LIKELY_DROP = 0.4
 # Of a friction that the runs' warmth has been averaged into.
 LARGEST_COEFFICIENT = 4.0
-TIME_CONSTANTS, SHORTEST = (5.0, 20.0, 80.0), 2.0
+# What a run ends with and the next one starts with tells a time constant closely; within one run hardly.
+CLOSE, FAR, SHORTEST = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0), (5.0, 20.0, 80.0), 2.0
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -127,14 +128,14 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         {"time_constant": t, "carried": carried, "paused": paused, "even": even, "power": mean}
         for carried, paused in starts
         for even in (0.0, 1.0)
-        for t in TIME_CONSTANTS
+        for t in (CLOSE if carried else FAR)
     ]
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,
         members=tuple(member(shape) for shape in shapes),
         parameters=_parameters,
-        refine={"time_constant": (SHORTEST, max(TIME_CONSTANTS))},
+        refine={"time_constant": (SHORTEST, max(CLOSE))},
         member=member,
     )
 
