@@ -16,7 +16,7 @@ from .candidates import Candidate
 
 Array = NDArray[np.float64]
 
-ELASTIC, CABLE = "joint_elasticity", "cable_spring"
+ELASTIC, CABLE, GAIN = "joint_elasticity", "cable_spring", "torque_gain_error"
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
@@ -34,8 +34,9 @@ HEALTHY: Mapping[str, float] = {
     "actuator_lag": 3.0,
     "encoder_eccentricity": 500.0,
     "encoder_offset": 15.0,
-    # Torque constants are known to a few per cent.
-    "torque_gain_error": 1.6,
+    # Torque constants are known to two per cent or so, those of the joints beside it too: what is one joint's
+    # gain to the model is their difference.
+    GAIN: 2.2,
     # Every arm has a dress pack, and it pulls.
     CABLE: 1.2,
     # A limit that clips is one, however far from the drive's rating.
@@ -59,7 +60,7 @@ LARGEST: Mapping[str, float] = {
     ELASTIC: 6.0,
     "encoder_offset": 3.0,
     "encoder_eccentricity": 3.0,
-    "torque_gain_error": 3.0,
+    GAIN: 3.0,
     "base_tilt": 3.0,
     # Cables and counterbalances differ more from arm to arm.
     CABLE: 10.0,

@@ -76,8 +76,9 @@ class Design:
 
     @property
     def independent(self) -> Array:
-        """How many independent samples that is, (n,)."""
-        return min(INDEPENDENT * self.prepared.thinning, 1.0) * self.prepared.band * self.counts
+        """How many independent samples that is, (n,): they are decimated for the joint of the widest band."""
+        of_each = self.prepared.band / self.prepared.band.max()
+        return min(INDEPENDENT * self.prepared.thinning, 1.0) * of_each * self.counts
 
     @property
     def is_told(self) -> NDArray[np.bool_]:
