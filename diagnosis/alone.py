@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .accepted import Accepted
-from .healthy import BENDING, GAIN, RIPPLE, SPRING, WARMING, times_healthy
+from .healthy import BENDING, RIPPLE, SPRING, WARMING, times_healthy
 from .hypothesis import DELAY
 from .likelihood import Weighed, gained_by_joint
 from .materiality import BEYOND, SMALLEST_WALD
@@ -24,11 +24,7 @@ MOSTLY = 0.8
 # Of these every joint of an imperfect robot has a little. One that gains this log-likelihood alone, and has
 # so much of a healthy size, is no imperfection.
 LEAST_ALONE = 40.0
-OF_EVERY_JOINT: Mapping[str, float] = {
-    **dict.fromkeys((SPRING, WARMING, BENDING), 0.3),
-    RIPPLE: 0.5,
-    GAIN: 0.7,
-}
+OF_EVERY_JOINT: Mapping[str, float] = {**dict.fromkeys((SPRING, WARMING, BENDING), 0.3), RIPPLE: 0.5}
 # Torque that acts later than this, s, and than this share of a sample, for which a drive may hold it, is
 # delayed where nothing else is seen at any joint: of some thousand shapes chance gives the best four standard
 # deviations or less, and an imperfect robot more.
