@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from diagnosis import preparation
+from diagnosis.band import Bands
 from diagnosis.diagnose import diagnose
+from diagnosis.hypothesis import design
 from diagnosis.preparation import prepare
 from diagnosis.report.summary import summary
 from identification.errors import InputError
@@ -96,3 +98,17 @@ def test_what_explains_nearly_all_has_a_name_in_half_the_time(tmp_path, samples,
     assert not found.final[0].is_told.any()
     assert [(each.effect, each.joint) for each in found.effects] == [("joint_coupling", 0)] * named
     assert found.untold == (() if named else (0, 1))
+
+
+def test_a_narrow_band_costs_independent_samples_once(tmp_path, monkeypatch):
+    """All joints are decimated for the widest band, so that where all are narrow fewer samples are kept."""
+    arm = small_arm(tmp_path)
+    logs = simulated_runs(arm, [])
+    wide = design(prepare(arm, logs))
+    bands = Bands(np.full(arm.joints, 0.4 * preparation.CUTOFF), np.zeros(arm.joints))
+    monkeypatch.setattr(preparation, "joint_bands", lambda *_: bands)
+    narrow = design(prepare(arm, logs))
+    kept = len(narrow.prepared.runs[0].time) / len(wide.prepared.runs[0].time)
+    # Its longer filter reaches farther into the ends.
+    assert kept == pytest.approx(0.4, rel=0.15)
+    np.testing.assert_allclose(narrow.independent / narrow.counts, wide.independent / wide.counts)
