@@ -41,6 +41,9 @@ STANDING_OUT_LEFT, SPRING_LEFT = 0.37, 0.12
 STRUCTURE, FITTED_STRUCTURE, SLOW = 0.04, 0.02, 0.5
 # Or is not noise because some part of the motion has so many times its share of it.
 DENSE = 2.0
+# And whatever it looks like, where it is this share of the joint's torque, so many times the noise (imperfect
+# joints leave three times that), and this share of what re-identification left.
+LOUD_TORQUE, LOUD_NOISE, LOUD_LEFT = 0.03, 6.0, 0.2
 # What is less than this share of the step in which torque is logged is rounding, not white but a function of
 # the torque: 1 / sqrt(12), and a fifth more.
 QUANTISED = 0.35
@@ -179,10 +182,13 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & (left < 1 + WORSE)
     extrapolated = is_extrapolated(squares(last.fitted.residual), last.held_squares)
     counted = _rms(last) < QUANTISED * last.prepared.torque_step
-    for joint in np.flatnonzero((unfit | stands_out | structured) & ~extrapolated & ~counted).tolist():
+    loud = (relative > LOUD_TORQUE) & (noise > LOUD_NOISE) & (left > LOUD_LEFT) & (left < 1 + WORSE)
+    # A push leaves much of itself where it acted otherwise than was fitted.
+    loud &= not any(each.is_event for each in last.hypothesis.accepted)
+    for joint in np.flatnonzero((unfit | stands_out | structured | loud) & ~extrapolated & ~counted).tolist():
         slow, foretold = _slow(last, joint, last.fitted.held_out)
         _, fitted = _slow(last, joint, last.fitted.residual)
-        is_large = unfit[joint] and noise[joint] > MISFIT_NOISE
+        is_large = loud[joint] or (unfit[joint] and noise[joint] > MISFIT_NOISE)
         is_large |= structured[joint] and relative[joint] > FAR_OUT * middle and noise[joint] > FAR_OUT_NOISE
         is_structure = structured[joint] and foretold > STRUCTURE and fitted > FITTED_STRUCTURE
         is_slow = slow > SLOW and (stands_out[joint] or is_structure)
