@@ -28,7 +28,7 @@ from diagnosis.weighing import Stage
 from identification.parameters import COULOMB
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
+from .diagnosed import RATE, simulated_runs
 from .small_arm import SCARA, small_arm
 
 
@@ -240,3 +240,18 @@ def test_a_name_where_half_the_joints_follow_nothing_is_a_trace_of_that(tmp_path
     assert [(each.effect, each.joint) for each in found.effects] == (
         [("cable_spring", 2)] if verdict == "effect" else []
     )
+
+
+@pytest.mark.parametrize(("band", "verdict"), [((9.0, 14.0), "unknown"), ((0.0, 500.0), "none")])
+def test_what_is_far_louder_than_the_noise_is_unknown_however_fast(arm, band, verdict):
+    """As much torque that nothing explains, within the band of the gap alone or in all of the log's."""
+    rng, runs = np.random.default_rng(4), simulated_runs(arm, [])
+    for name, run in runs.items():
+        spectrum = np.fft.rfft(rng.normal(size=len(run.time)))
+        frequency = np.fft.rfftfreq(len(run.time), 1 / RATE)
+        spectrum[(frequency < band[0]) | (frequency > band[1])] = 0.0
+        torque, loud = run.torque.copy(), np.fft.irfft(spectrum, len(run.time))
+        passed = np.sqrt(min(20.0 / band[1], 1.0))
+        torque[:, 1] += 0.05 * torque[:, 1].std() * loud / loud.std() / passed
+        runs[name] = replace(run, torque=torque, torque_command=None)
+    assert diagnose(arm, runs).verdict == verdict
