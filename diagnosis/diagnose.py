@@ -18,7 +18,7 @@ from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
 from .naming import names_that_hold
-from .noise import noise_rms
+from .noise import noise
 from .preparation import Prepared, prepare
 from .recurrence import recurrence
 from .unclaimed import NOTHING, Unclaimed
@@ -105,7 +105,7 @@ def _gap(prepared: Prepared, only: tuple[Design, Fit], final: tuple[Design, Fit]
     nominal = [np.where(used, gap, 0.0) for used, gap in zip(first.used, first.gap, strict=True)]
     parameters = _rms(first_fit.held_out, first)
     effects = _rms(final[1].held_out, final[0])
-    floor = np.minimum(noise_rms(prepared), np.minimum(effects, parameters))
+    floor = np.minimum(noise(prepared).rms, np.minimum(effects, parameters))
     runs = (nominal, first_fit.held_out, final[1].held_out)
     intervals = np.array([rms_interval(prepared, residual) for residual in runs])
     return Gap(_rms(nominal, first), parameters, effects, floor, intervals)

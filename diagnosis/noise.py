@@ -5,6 +5,7 @@ Elsewhere the spectrum of torque's noise, where it is seen alone, is continued i
 What the residual has more of there is encoders' noise differentiated twice, which the low-pass takes off.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -27,14 +28,28 @@ SEGMENT, SHORTEST, LONGEST = 0.15, 64, 512
 LOW_PASSED = 0.7
 
 
+@dataclass(frozen=True)
+class Noise:
+    """What noise leaves after the parallel filter, over all runs.
+
+    rms: (n,) N·m. seen: (n,) bool, whether it was seen alone, or was low-passed before it was logged.
+    """
+
+    rms: Array
+    seen: NDArray[np.bool_]
+
+
 @lru_cache(maxsize=2)
-def noise_rms(prepared: Prepared) -> Array:
-    """RMS (n,) N·m that noise of torque and encoders leaves after the parallel filter, over all runs."""
+def noise(prepared: Prepared) -> Noise:
+    """What noise of torque and encoders leaves of these runs."""
     squares = [_repetition(run) for run in prepared.runs]
     known = [s for s in squares if s is not None]
     if known:
-        return np.sqrt(np.mean(known, axis=0))
-    return np.sqrt(np.mean([_quiet_band(run) for run in prepared.runs], axis=0) + prepared.encoder_torque**2)
+        return Noise(np.sqrt(np.mean(known, axis=0)), np.ones(prepared.joints, bool))
+    found = [_quiet_band(run) for run in prepared.runs]
+    of_torque = np.mean([square for square, _ in found], axis=0)
+    seen = np.all([each for _, each in found], axis=0)
+    return Noise(np.sqrt(of_torque + prepared.encoder_torque**2), seen)
 
 
 def _repetition(run: Run) -> Array | None:
@@ -74,10 +89,10 @@ def _period(reference: Array) -> int | None:
     return None
 
 
-def _quiet_band(run: Run) -> Array:
+def _quiet_band(run: Run) -> tuple[Array, NDArray[np.bool_]]:
     """Mean square (n,) of the torque's noise below the cut-off, from how its spectrum falls beyond motion's.
 
-    Where the log's torque was low-passed no noise is left there, and what the residual has stands for it.
+    And whether it is seen there (n,): where the log was low-passed what the residual has stands for it.
     """
     rate, samples = run.logged.sample_rate, run.logged.samples
     short = min(max(SHORTEST, round(SEGMENT * rate)), samples)
@@ -85,12 +100,13 @@ def _quiet_band(run: Run) -> Array:
     _, residual = _density(run.logged.residual, rate, short)
     density = np.minimum(torque, residual)
     long_frequency, long_density = _density(run.logged.residual, rate, min(LONGEST, samples))
-    found = np.empty(run.logged.joints)
+    found, seen = np.empty(run.logged.joints), np.ones(run.logged.joints, bool)
     for joint in range(run.logged.joints):
         found[joint], misfit = _continued(run, joint, frequency, density[:, joint])
-        if misfit > LOW_PASSED:
+        seen[joint] = misfit <= LOW_PASSED
+        if not seen[joint]:
             found[joint], _ = _continued(run, joint, long_frequency, long_density[:, joint])
-    return found
+    return found, seen
 
 
 def _density(values: Array, rate: float, length: int) -> tuple[Array, Array]:

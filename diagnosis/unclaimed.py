@@ -14,7 +14,7 @@ from .healthy import SPRINGS
 from .hypothesis import DELAY, LATE, design
 from .likelihood import weigh
 from .localisation import regime_shares
-from .noise import noise_rms
+from .noise import noise
 from .spectrum import PERIODIC, SPECTRAL, slow_share
 from .weighing import Gain, Stage
 
@@ -168,7 +168,8 @@ def share_left(first: Stage, last: Stage) -> Array:
 
 def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     """What is too much to be nothing, and follows nothing."""
-    relative, noise = _relative(last), _rms(last) / noise_rms(last.prepared)
+    of_sensors = noise(last.prepared)
+    relative, times_noise = _relative(last), _rms(last) / of_sensors.rms
     left = share_left(first, last)
     unfit = (relative > MISFIT_TORQUE) & (left > MISFIT_LEFT)
     middle = float(np.median(relative))
@@ -182,14 +183,17 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & (left < 1 + WORSE)
     extrapolated = is_extrapolated(squares(last.fitted.residual), last.held_squares)
     counted = _rms(last) < QUANTISED * last.prepared.torque_step
-    loud = (relative > LOUD_TORQUE) & (noise > LOUD_NOISE) & (left > LOUD_LEFT) & (left < 1 + WORSE)
+    loud = (relative > LOUD_TORQUE) & (times_noise > LOUD_NOISE) & of_sensors.seen
+    loud &= (left > LOUD_LEFT) & (left < 1 + WORSE)
     # A push leaves much of itself where it acted otherwise than was fitted.
     loud &= not any(each.is_event for each in last.hypothesis.accepted)
     for joint in np.flatnonzero((unfit | stands_out | structured | loud) & ~extrapolated & ~counted).tolist():
         slow, foretold = _slow(last, joint, last.fitted.held_out)
         _, fitted = _slow(last, joint, last.fitted.residual)
-        is_large = loud[joint] or (unfit[joint] and noise[joint] > MISFIT_NOISE)
-        is_large |= structured[joint] and relative[joint] > FAR_OUT * middle and noise[joint] > FAR_OUT_NOISE
+        is_large = loud[joint] or (unfit[joint] and times_noise[joint] > MISFIT_NOISE)
+        is_large |= (
+            structured[joint] and relative[joint] > FAR_OUT * middle and times_noise[joint] > FAR_OUT_NOISE
+        )
         is_structure = structured[joint] and foretold > STRUCTURE and fitted > FITTED_STRUCTURE
         is_slow = slow > SLOW and (stands_out[joint] or is_structure)
         if is_large or is_slow or ((unfit | stands_out)[joint] and _is_dense(last, joint)):

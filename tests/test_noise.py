@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from diagnosis.noise import noise_rms
+from diagnosis.noise import noise
 from diagnosis.preparation import Prepared, prepare
 from testbench.log import Recording
 from testbench.robot import Robot
@@ -39,14 +39,15 @@ def _passed(prepared: Prepared) -> np.ndarray:
 def test_white_noise_of_the_torque_is_the_floor(arm):
     prepared = prepare(arm, _recorded(arm))
     # By chance .6 % (three runs of 85 segments, 42 frequencies), and some corner fits a white spectrum best.
-    assert noise_rms(prepared) == pytest.approx(_passed(prepared), rel=0.05)
+    assert noise(prepared).seen.all()
+    assert noise(prepared).rms == pytest.approx(_passed(prepared), rel=0.05)
 
 
 def test_noise_of_encoders_far_above_the_motion_is_no_floor(arm):
     """Differentiated twice it is most of the residual at 40 Hz, and next to nothing below the low-pass."""
     prepared = prepare(arm, _recorded(arm, encoder_bits=18))
     # The drive answers the encoders, too: that torque is real, and white.
-    assert np.all(noise_rms(prepared) < 2 * _passed(prepared))
+    assert np.all(noise(prepared).rms < 2 * _passed(prepared))
 
 
 def test_torque_that_was_low_passed_hides_its_noise(arm):
@@ -57,4 +58,5 @@ def test_torque_that_was_low_passed_hides_its_noise(arm):
         for name, run in _recorded(arm, encoder_bits=18).items()
     }
     prepared = prepare(arm, low_passed)
-    assert np.all(noise_rms(prepared) > _passed(prepared))
+    assert np.all(noise(prepared).rms > _passed(prepared))
+    assert not noise(prepared).seen.any()
