@@ -43,7 +43,7 @@ from .round import Search
 from .saturation import Cut, cuts
 from .sought import Sought
 from .transmission_load import linearised_until_settled
-from .unclaimed import Unclaimed, unclaimed
+from .unclaimed import NOTHING, Unclaimed, unclaimed
 from .vibration import vibrations, with_its_line, without_shaken
 from .weighing import Stage
 
@@ -165,6 +165,9 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
     accepted = as_fitted_at_last(sized, hypothesis, fitted, accepted)
     unmet = out_of_bounds(sized, hypothesis, fitted, accepted)
     misfits = [with_its_line(last, each) for each in unclaimed(original, last, free, sure)]
+    # What is like something says more than that nothing was.
+    alike = {each.joint for each in imitated}
+    misfits = [each for each in misfits if each.regime != NOTHING or each.joint not in alike]
     unknown = (*misfits, *imitated, *unmet)
     accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)

@@ -41,8 +41,8 @@ STANDING_OUT_LEFT, SPRING_LEFT = 0.37, 0.12
 STRUCTURE, FITTED_STRUCTURE, SLOW = 0.04, 0.02, 0.5
 # Or is not noise because some part of the motion has so many times its share of it.
 DENSE = 2.0
-# And whatever it looks like, where it is this share of the joint's torque, so many times the noise (imperfect
-# joints leave three times that), and this share of what re-identification left.
+# And whatever it looks like, where it is this share of the joint's torque (imperfections of any joint are one
+# or two per cent), so many times the noise, and this share of what re-identification left.
 LOUD_TORQUE, LOUD_NOISE, LOUD_LEFT = 0.03, 6.0, 0.2
 # What is less than this share of the step in which torque is logged is rounding, not white but a function of
 # the torque: 1 / sqrt(12), and a fifth more.
