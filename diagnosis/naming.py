@@ -17,7 +17,7 @@ from .candidates import SATURATION
 from .evidence import Fit, fitted_to, squares
 from .findings import Gap
 from .ground import Ground, ground
-from .healthy import is_beyond_healthy, is_excessive, times_healthy
+from .healthy import GAIN, is_beyond_healthy, is_excessive, times_healthy
 from .hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import is_certainly_beyond, is_obvious
@@ -39,6 +39,8 @@ DWARFED = 0.05
 # of that off the gap of all joints, where it is farther from noise.
 EXPLAINED, FAR_FROM_NOISE = 0.2, 3.0
 EXPLAINED_OF_ALL, FARTHER_FROM_NOISE = 0.1, 4.0
+# A gain error told from three deviations when it is taken in, as wrists' are, must be four from none at last.
+GAIN_AT_LAST = 16.0
 
 
 def accepted_as(
@@ -161,13 +163,15 @@ def as_fitted_at_last(
 ) -> list[Accepted]:
     """What was taken in with the shapes that all runs together give it.
 
-    What no gear has loses its name, and what is no larger then than on a healthy robot.
+    What no gear has loses its name, what is no larger then than on a healthy robot, and a gain error that is
+    not told from none.
     """
     found, torque_rms = [], ground(hypothesis.prepared).torque_rms
     for item, part, candidate in zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True):
         own = candidate, fitted.values[part]
         named = item.named and not is_excessive(sized, *own, item.share)
         named = named and (not item.by_size or times_healthy(sized, torque_rms, *own) > 1)
+        named = named and (candidate.family.effect != GAIN or fitted.wald(part) > GAIN_AT_LAST)
         found.append(replace(item, candidate=candidate, named=named))
     return found
 
