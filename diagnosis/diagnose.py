@@ -13,7 +13,7 @@ from .accepted import RESONANCE, Accepted
 from .attribution import CONFUSABLE, Attribution, attribute
 from .deviations import covariance_with_shapes
 from .evidence import Fit, on_whole_runs, standard_values
-from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
+from .findings import LITTLE_CLOSED, Diagnosis, Gap, NamedEffect, RankedCandidate, Share
 from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
@@ -32,10 +32,6 @@ PARAMETERS_TORQUE = 0.01
 # How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases
 # (docs/blind.md): of the first that is named, of the second, and of those after it.
 NAMED = (0.97, 0.94, 0.2)
-# Re-identified parameters that leave less than this multiple of the noise leave little but noise.
-LITTLE_BUT_NOISE = 1.03
-# Effects that close less than this share of all joints' gap are told by what they close of their own joint's.
-LITTLE_CLOSED = 0.2
 # What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
 NEXT_TO_NOTHING = 0.005
 
@@ -253,10 +249,11 @@ def _sentence(
 
 def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
     """How far the effects shrink the gap; joint: that of the first."""
-    closed, place = gap.closed, ""
-    if closed is None or np.sum(gap.parameters) < LITTLE_BUT_NOISE * np.sum(gap.noise_floor):
-        return "re-identified parameters leave little but noise along these motions"
-    if closed < LITTLE_CLOSED and joint is not None and (own := gap.closed_at(joint)) is not None:
+    closed, place = gap.told_closed, ""
+    little = gap.closed is None or gap.closed < LITTLE_CLOSED
+    if little and joint is not None and (own := gap.closed_at(joint)) is not None and own >= LITTLE_CLOSED:
         # Of all joints' torque most may be another's, whose parameters foretell one run better than another.
         closed, place = own, f" at {robot.joint_names[joint]}"
+    if closed is None:
+        return "re-identified parameters leave little but noise along these motions"
     return f"it explains {closed:.0%} of what re-identified parameters leave{place} above the noise"

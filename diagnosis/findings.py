@@ -18,6 +18,9 @@ from .recurrence import Recurrence
 Array = NDArray[np.float64]
 
 VERDICTS = ("none", "parameters", "effect", "unknown")
+# Re-identified parameters that leave less than this multiple of the noise floor leave little but noise; so do
+# those that leave a bit more, since the floor is known to a third, of which no effect closes this share.
+LITTLE_BUT_NOISE, PERHAPS_NOISE, LITTLE_CLOSED = 1.03, 1.3, 0.2
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,14 @@ class Gap:
     def closed(self) -> float | None:
         """(parameters - effects) / (parameters - noise floor), joints summed; None if nothing to close."""
         return self._closed(slice(None))
+
+    @property
+    def told_closed(self) -> float | None:
+        """The share that is closed; None where re-identified parameters leave little but noise."""
+        closed, times = self.closed, np.sum(self.parameters) / max(float(np.sum(self.noise_floor)), 1e-300)
+        if closed is None or times < LITTLE_BUT_NOISE:
+            return None
+        return None if closed < LITTLE_CLOSED and times < PERHAPS_NOISE else closed
 
     def closed_at(self, joint: int) -> float | None:
         """The same of one joint."""

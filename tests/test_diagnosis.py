@@ -71,6 +71,14 @@ def test_the_effect_and_its_joint_are_named_and_the_gap_closes(arm, text, joint)
             "it explains 89% of what re-identified parameters leave at elbow",
         ),
         ([1.01, 0.1], [1.0, 0.1], [1.0, 0.1], "re-identified parameters leave little but noise"),
+        # The floor is known to about a third.
+        ([1.2, 0.12], [1.25, 0.12], [1.0, 0.1], "re-identified parameters leave little but noise"),
+        (
+            [1.2, 0.12],
+            [1.05, 0.12],
+            [1.0, 0.1],
+            "it explains 68% of what re-identified parameters leave above",
+        ),
     ],
 )
 def test_what_effects_explain_is_told_of_their_joint_where_others_hide_it(

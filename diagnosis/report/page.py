@@ -131,8 +131,7 @@ def _tiles(diagnosis: Diagnosis) -> list[Tile]:
         tiles.append(Tile(f"{100 * diagnosis.effects[0].probability:.0f} %", "certain of the first effect"))
     tiles.append(Tile(f"{total['nominal']:.3g} {unit}", "torque error, model as given"))
     tiles.append(Tile(f"{total['effects']:.3g} {unit}", "after correction"))
-    if gap.closed is not None and diagnosis.effects:
-        tiles.append(
-            Tile(f"{100 * gap.closed:.0f} %", "of re-identification's rest explained", gap.closed >= 0.8)
-        )
+    closed = gap.told_closed
+    if closed is not None and diagnosis.effects:
+        tiles.append(Tile(f"{100 * closed:.0f} %", "of re-identification's rest explained", closed >= 0.8))
     return tiles

@@ -52,7 +52,8 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
         lines.append(_line("not", "; ".join(listed)))
     stages = (("given", gap.nominal), ("re-identified", gap.parameters), ("with effects", gap.effects))
     told = " → ".join(f"{np.sum(rms):.3g} {name}" for name, rms in stages)
-    closed = "" if gap.closed is None or not diagnosis.effects else f"; {100 * gap.closed:.0f} % closed"
+    share = gap.told_closed
+    closed = "" if share is None or not diagnosis.effects else f"; {100 * share:.0f} % closed"
     unit = words.torque_unit(robot)
     lines.append(_line("gap", f"{told}, noise {np.sum(gap.noise_floor):.3g} {unit}{closed}"))
     if next_experiment is not None:
