@@ -224,7 +224,7 @@ def _lever(robot: Robot, joint: int | None, values: Mapping[str, Quantity]) -> f
 
 
 def _reached(candidate: Candidate) -> float:
-    """How much warmer a joint gets in its runs than it would with a time constant that they tell, or one."""
+    """How warm a joint gets in its runs, as a share of what it would by LONGEST_WARMING; one at most."""
     member = candidate.member
     seconds = candidate.sample_time * sum(len(each) for each in member.columns)
     longest, constant = LONGEST_WARMING, member.shape["time_constant"]

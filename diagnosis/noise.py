@@ -32,7 +32,7 @@ LOW_PASSED = 0.7
 class Noise:
     """What noise leaves after the parallel filter, over all runs.
 
-    rms: (n,) N·m. seen: (n,) bool, whether it was seen alone, or was low-passed before it was logged.
+    rms: (n,) N·m. seen: (n,) bool, whether it is seen alone; it is not in a log that was low-passed.
     """
 
     rms: Array
@@ -99,13 +99,13 @@ def _quiet_band(run: Run) -> tuple[Array, NDArray[np.bool_]]:
     frequency, torque = _density(run.logged.tau, rate, short)
     _, residual = _density(run.logged.residual, rate, short)
     density = np.minimum(torque, residual)
-    long_frequency, long_density = _density(run.logged.residual, rate, min(LONGEST, samples))
-    found, seen = np.empty(run.logged.joints), np.ones(run.logged.joints, bool)
-    for joint in range(run.logged.joints):
-        found[joint], misfit = _continued(run, joint, frequency, density[:, joint])
-        seen[joint] = misfit <= LOW_PASSED
-        if not seen[joint]:
-            found[joint], _ = _continued(run, joint, long_frequency, long_density[:, joint])
+    of_each = [_continued(run, joint, frequency, own) for joint, own in enumerate(density.T)]
+    found, misfit = np.array(of_each).T
+    seen = misfit <= LOW_PASSED
+    if not seen.all():
+        frequency, density = _density(run.logged.residual, rate, min(LONGEST, samples))
+        for joint in np.flatnonzero(~seen).tolist():
+            found[joint], _ = _continued(run, joint, frequency, density[:, joint])
     return found, seen
 
 

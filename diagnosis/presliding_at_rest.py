@@ -59,15 +59,15 @@ def held_by_bristles(robot: Robot, stage: Stage, proposals: Sequence[Candidate])
         for joint in range(prepared.joints)
     ]
 
-    def seen(joint: int) -> _Seen:
+    def seen(joint: int) -> _Bristles:
         if joint in soft or not bristles[joint]:
-            return _Seen()
-        return _seen(robot, stage, joint, bristles[joint], [run[:, joint] for run in left])
+            return _Bristles()
+        return _bristles(robot, stage, joint, bristles[joint], [run[:, joint] for run in left])
 
     # Beside others of its joint a law is only their rest.
     known = {each.family.joint for each in stage.hypothesis.accepted} | prepared.held
     of_joint = {joint: seen(joint) for joint in range(prepared.joints) if joint not in known}
-    found = {joint: each.times for joint, each in of_joint.items() if each.times >= SOFTER and each.foretells}
+    found = {joint: each.times for joint, each in of_joint.items() if each.foretells}
     if not found:
         return frozenset()
     others = np.array([(of_joint.get(joint) or seen(joint)).times for joint in range(prepared.joints)])
@@ -81,16 +81,19 @@ def held_by_bristles(robot: Robot, stage: Stage, proposals: Sequence[Candidate])
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """Bristles near rest: how many times a healthy joint's, and whether nothing simpler does as well."""
+class _Bristles:
+    """Bristles near rest: how many times as soft as a healthy joint's.
+
+    foretells: whether that is enough, and nothing simpler does as well.
+    """
 
     times: float = 0.0
     foretells: bool = False
 
 
-def _seen(
+def _bristles(
     robot: Robot, stage: Stage, joint: int, bristles: Sequence[Candidate], residual: Sequence[Array]
-) -> _Seen:
+) -> _Bristles:
     """The bristles that foretell what friction of the joint is at rest; none where none do.
 
     residual: a run, (M,) N·m that the hypothesis leaves of the joint's torque, near rest too.
@@ -100,7 +103,7 @@ def _seen(
     rests = sum(np.count_nonzero(np.diff(each.astype(int), prepend=0) == 1) for each in near)
     coulomb = float(standard_values(prepared, stage.fitted.values)[PER_JOINT * joint + COULOMB])
     if rests < FEWEST_RESTS or coulomb <= 0:
-        return _Seen()
+        return _Bristles()
     left = np.concatenate([each[rows] for each, rows in zip(residual, near, strict=True)])
 
     def beside(friction: Candidate) -> tuple[float, float]:
@@ -116,7 +119,7 @@ def _seen(
     most = min((1 - EXPLAINED) * whole, whole - counted * (SMALLEST * torque_rms[joint]) ** 2)
     of_each = [beside(each)[0] for each in bristles]
     if min(of_each) > most:
-        return _Seen()
+        return _Bristles()
     likeliest = bristles[int(np.argmin(of_each))]
     family, make = likeliest.family, likeliest.family.member
     assert make is not None
@@ -135,11 +138,13 @@ def _seen(
     bristle = of_displacement(float(np.exp(found.x)))
     best, level = beside(bristle)
     times = times_healthy(robot, torque_rms, bristle, np.array([level]))
+    if times < SOFTER:
+        return _Bristles(times)
     keeping = [
         beside(_keeping(prepared, joint, each.member))[0] for each in bristles if each.member.law is None
     ]
     stiffest = candidate(prepared, family, make({"displacement": family.refine["displacement"][0]}))
-    return _Seen(times, best < min(OF_STIFFEST * beside(stiffest)[0], OF_KEPT * min(keeping)))
+    return _Bristles(times, best < min(OF_STIFFEST * beside(stiffest)[0], OF_KEPT * min(keeping)))
 
 
 def _keeping(prepared: Prepared, joint: int, bristle: Member) -> Candidate:

@@ -179,12 +179,13 @@ def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     sprung = last.hypothesis.joints_with(*SPRINGS)
     most = np.where([joint in sprung for joint in range(len(left))], SPRING_LEFT, STANDING_OUT_LEFT)
     # What is worse than without any effect says nothing of the robot.
-    stands_out &= (left > most) & (left < 1 + WORSE)
-    structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & (left < 1 + WORSE)
+    no_worse = left < 1 + WORSE
+    stands_out &= (left > most) & no_worse
+    structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & no_worse
     extrapolated = is_extrapolated(squares(last.fitted.residual), last.held_squares)
     counted = _rms(last) < QUANTISED * last.prepared.torque_step
     loud = (relative > LOUD_TORQUE) & (times_noise > LOUD_NOISE) & of_sensors.seen
-    loud &= (left > LOUD_LEFT) & (left < 1 + WORSE)
+    loud &= (left > LOUD_LEFT) & no_worse
     # A push leaves much of itself where it acted otherwise than was fitted.
     loud &= not any(each.is_event for each in last.hypothesis.accepted)
     for joint in np.flatnonzero((unfit | stands_out | structured | loud) & ~extrapolated & ~counted).tolist():

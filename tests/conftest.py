@@ -3,6 +3,9 @@ from pathlib import Path
 import pytest
 
 import identification  # noqa: F401  keeps BLAS on one thread, if it comes before numpy
+from testbench.robot import Robot
+
+from .small_arm import small_arm
 
 ROOT = Path(__file__).parents[1]
 
@@ -10,6 +13,12 @@ ROOT = Path(__file__).parents[1]
 @pytest.fixture(scope="session")
 def models():
     return ROOT / "models"
+
+
+@pytest.fixture(scope="session")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """The small arm, where a test has no other."""
+    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.fixture(scope="session")

@@ -1,24 +1,27 @@
-"""Motions of an arm that stands between its moves."""
+"""Runs of an arm that stands between its moves."""
 
 from itertools import pairwise
 
 import numpy as np
 
+from testbench.log import Recording
+from testbench.robot import Robot
+from testbench.simulation import SimulationOptions, simulate
 from testbench.simulation.reference import Reference
 
 from .diagnosed import RATE
 
-MOVE, STAND, MOVES = 0.7, 0.6, 8
+RUNS, MOVE, STAND, MOVES, SEED = 3, 0.7, 0.6, 8, 8
 
 
-def between_places(joints: int, runs: int = 3, seed: int = 8) -> list[Reference]:
+def standing_runs(robot: Robot, options: SimulationOptions) -> dict[str, Recording]:
     """Moves of least jerk from one random place to another, with a stand after each."""
-    rng, references = np.random.default_rng(seed), []
-    for _ in range(runs):
-        places = rng.uniform(-1.0, 1.0, (MOVES + 1, joints))
+    rng, references = np.random.default_rng(SEED), []
+    for _ in range(RUNS):
+        places = rng.uniform(-1.0, 1.0, (MOVES + 1, robot.joints))
         moves = [_move(start, end) for start, end in pairwise(places)]
         references.append(Reference(*(np.concatenate(each) for each in zip(*moves, strict=True))))
-    return references
+    return {f"run_{k + 1}": run for k, run in enumerate(simulate(robot, references, options, seed=SEED))}
 
 
 def _move(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

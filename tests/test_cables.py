@@ -5,18 +5,11 @@ import pytest
 
 from diagnosis.diagnose import diagnose
 from testbench.effects import parse_injection
-from testbench.robot import Robot
 
 from .diagnosed import simulated_runs
-from .small_arm import small_arm
 
 STIFFNESS, FRICTION, YIELDS = 3.0, 0.2, 0.1
 CABLE = f"cable_spring:elbow:stiffness={STIFFNESS},rest=0.4"
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.mark.parametrize("law", ["linear", "hysteretic"])

@@ -17,11 +17,6 @@ from tests.diagnosed import simulated_runs
 from tests.small_arm import SCARA, small_arm
 
 
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    return small_arm(tmp_path_factory.mktemp("arm"))
-
-
 def _diagnosis(arm, *effects, without=(), seed=3, noise=0.002):
     injections = [parse_injection(arm, text) for text in effects]
     return diagnose(arm, simulated_runs(arm, injections, runs=3, seed=seed, noise=noise), without)

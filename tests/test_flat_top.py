@@ -15,14 +15,8 @@ from testbench.effects import parse_injection
 from testbench.log import Recording
 from testbench.robot import Robot
 from tests.diagnosed import measured_only, simulated_runs
-from tests.small_arm import small_arm
 
 SHARE = 0.04
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.fixture(scope="module")

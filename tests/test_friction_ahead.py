@@ -18,18 +18,12 @@ from testbench.log import Recording
 from testbench.robot import Robot
 
 from .diagnosed import simulated_runs
-from .small_arm import small_arm
 
 # s: half of what the time constant and MuJoCo's largest impedance, .95, make of each other.
 TIME_CONSTANT = 0.02
 LEAD = 0.95 * TIME_CONSTANT / 2
 STEP, NOISE = 5e-4, 0.01
 GAINS = np.array([[900.0, 300.0], [40.0, 12.0]])
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 def _of_mujoco(arm: Robot, spring: float = 0.0) -> dict[str, Recording]:

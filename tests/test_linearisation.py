@@ -13,14 +13,8 @@ from diagnosis.preparation import prepare
 from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs
-from .small_arm import small_arm
 
 LAST = 1
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 def _runs(arm, text):

@@ -16,12 +16,6 @@ from testbench.robot import Robot
 from testbench.sampling import on_grid
 
 from .diagnosed import measured_only, simulated_runs
-from .small_arm import small_arm
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.fixture(scope="module")

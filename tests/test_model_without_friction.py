@@ -13,12 +13,6 @@ from testbench.effects.base import Injection
 from testbench.robot import Robot, load_robot
 
 from .diagnosed import simulated_runs
-from .small_arm import small_arm
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.fixture(scope="module")

@@ -31,14 +31,8 @@ from testbench.log import Recording
 from testbench.robot import Robot
 
 from .diagnosed import measured_only, simulated_runs
-from .small_arm import small_arm
 
 WIDTH, SHOULDER, NOISE = 0.08, 0, 0.01
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 def _soft(arm: Robot, faults: tuple[str, ...] = ()) -> dict[str, Recording]:

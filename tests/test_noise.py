@@ -10,24 +10,17 @@ from diagnosis.noise import noise
 from diagnosis.preparation import Prepared, prepare
 from testbench.log import Recording
 from testbench.robot import Robot
-from testbench.simulation import SensorOptions, SimulationOptions, simulate
+from testbench.simulation import SensorOptions, SimulationOptions
 
-from .small_arm import small_arm
-from .standing import between_places
+from .standing import standing_runs
 
 # Share of each joint's torque limit.
 NOISE = 0.001
 
 
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return small_arm(tmp_path_factory.mktemp("arm"))
-
-
 def _recorded(arm: Robot, **sensors: float) -> dict[str, Recording]:
     options = SimulationOptions(sensors=SensorOptions(torque_noise=NOISE, **sensors), physics_timestep=5e-4)
-    runs = simulate(arm, between_places(arm.joints), options, seed=8)
-    return {f"run_{k + 1}": run for k, run in enumerate(runs)}
+    return standing_runs(arm, options)
 
 
 def _passed(prepared: Prepared) -> np.ndarray:

@@ -15,17 +15,11 @@ from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects import parse_injection
 from testbench.log import Recording
 from testbench.robot import Robot, load_robot
-from testbench.simulation import SensorOptions, SimulationOptions, simulate
+from testbench.simulation import SensorOptions, SimulationOptions
 
-from .small_arm import small_arm
-from .standing import between_places
+from .standing import standing_runs
 
 SHOULDER, STIFFNESS = 0, 4000.0
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +39,7 @@ def _picks(arm: Robot, *faults: str) -> dict[str, Recording]:
         physics_timestep=5e-4,
         effects=tuple(parse_injection(arm, fault) for fault in faults),
     )
-    runs = simulate(arm, between_places(arm.joints), options, seed=8)
-    return {f"run_{k + 1}": run for k, run in enumerate(runs)}
+    return standing_runs(arm, options)
 
 
 def _held(prepared: Prepared) -> frozenset[int]:

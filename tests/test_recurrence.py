@@ -11,15 +11,9 @@ from diagnosis.recurrence import recurrence
 from testbench.effects import parse_injection
 
 from .diagnosed import diagnosed, simulated_runs
-from .small_arm import small_arm
 
 ELBOW = 1
 NOISE = 0.02
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 def _pushed(arm, law, runs):

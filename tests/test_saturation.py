@@ -15,12 +15,6 @@ from diagnosis.saturation import cuts, saturation
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 from tests.diagnosed import simulated_runs
-from tests.small_arm import small_arm
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 def _named(arm, runs):

@@ -14,12 +14,6 @@ from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs
-from .small_arm import small_arm
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 def test_what_fits_a_joint_best_is_listed_though_it_was_not_material(arm):

@@ -8,15 +8,8 @@ import pytest
 from diagnosis.diagnose import diagnose
 from identification.filtering import central_difference
 from testbench.effects import parse_injection
-from testbench.robot import Robot
 
 from .diagnosed import simulated_runs
-from .small_arm import small_arm
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.mark.parametrize("exponent", [1.3, 2.7])

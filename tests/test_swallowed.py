@@ -15,12 +15,6 @@ from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs
-from .small_arm import small_arm
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 def test_all_imperfections_of_a_joint_are_fitted_beside_what_is_swallowed(arm):

@@ -18,18 +18,12 @@ from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs
-from .small_arm import small_arm
 
 ELBOW, STIFFNESS = 1, 33.0
 EFFECTS = (
     f"joint_elasticity:elbow:stiffness={STIFFNESS},damping=0.05",
     "torque_gain_error:shoulder:relative=0.1",
 )
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.fixture(scope="module")

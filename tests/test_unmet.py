@@ -33,11 +33,6 @@ from .small_arm import SCARA, small_arm
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    return small_arm(tmp_path_factory.mktemp("arm"))
-
-
-@pytest.fixture(scope="module")
 def prepared(arm):
     return prepare(arm, simulated_runs(arm, [], runs=1))
 

@@ -14,15 +14,9 @@ from testbench.log import Recording
 from testbench.robot import Robot
 
 from .diagnosed import RATE, simulated_runs
-from .small_arm import small_arm
 
 ELBOW, VISCOUS, COULOMB = 1, 1.0, 1.0
 DROP, PAUSE = 0.5, 10.0
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return small_arm(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.fixture(scope="module")
