@@ -65,7 +65,7 @@ class Candidate:
     def shapes(self) -> int:
         """How many shapes of its law are tried."""
         of_its_law = sum(member.law == self.member.law for member in self.family.members)
-        return max(of_its_law, self.family.picked_from)
+        return max(of_its_law, self.family.picked_from, 1)
 
     @property
     def shows(self) -> bool:

@@ -34,9 +34,9 @@ ITS_OWN = 0.6, 1.6
 # Another law of a play, a spring or bristles is tried where one explains this share of the most: it may do as
 # much.
 WORTH_A_LAW = 0.8
-# Log-posterior of all runs together, less its price, by which a cable surely hardens: first moments take up
-# much of any, and bent parameters foretell left-out runs by chance.
-HARDENED = 10.0
+# Log-posterior of all runs together, less its price, by which a cable surely hardens, or a wave has a second
+# harmonic: first moments take up much of any, and bent parameters foretell left-out runs by chance.
+SURELY = 10.0
 # Log-posterior of all runs together that outweighs any that runs left out lose.
 EVIDENCE_AGAINST_RUNS = 30.0
 # First step of a refinement, as a share of the shape's range, and how many shapes are tried; where several go
@@ -194,6 +194,8 @@ def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     family, own = found.candidate.family, found.candidate.member.law
     if family.effect == CABLE:
         return _cable(robot, stage, found)
+    if family.richer is not None:
+        return _richer(robot, stage, found)
     if family.effect not in (*TRANSMISSIONS, BRISTLES):
         return found
     tried = [found]
@@ -222,12 +224,28 @@ def _cable(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     members = [candidate(stage.prepared, family, each) for each in family.members if each.law == HARDENING]
     starts = [each for member in members for each in weigh(stage, Bank(stage.ground, [member]))]
     hose = max([hose, *(refined(robot, stage, each) for each in starts)], key=lambda each: each.score)
-    hose = refined(robot, stage, hose, MORE_TRIED)
-    straight, hardened = (
+    return _surely(stage, refined(robot, stage, hose, MORE_TRIED), line)
+
+
+def _richer(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
+    """What was refined by a law that has its own in it, where all runs surely tell the richer; else that."""
+    family = found.candidate.family
+    assert family.richer is not None
+    members = [candidate(stage.prepared, family, each) for each in family.richer(found.candidate.member)]
+    tried = []
+    for gain in filter(None, (stage.gain(each) for each in members)):
+        if is_plausible(robot, gain.candidate, gain.coefficients):
+            tried.append(refined(robot, stage, Weighed(gain, gained(stage, gain)), MORE_TRIED))
+    return _surely(stage, max(tried, key=lambda each: each.score), found) if tried else found
+
+
+def _surely(stage: Stage, other: Weighed, plain: Weighed) -> Weighed:
+    """An effect by another law where all runs together surely tell it from the plain one; else that."""
+    simple, richer = (
         log_posterior(*stage.with_effects([each.candidate])) - price(stage.hypothesis, each.candidate)
-        for each in (line, hose)
+        for each in (plain, other)
     )
-    return hose if hardened - straight > HARDENED else line
+    return other if richer - simple > SURELY else plain
 
 
 def _best_of(
@@ -244,7 +262,7 @@ def refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) ->
     robot: that sizes are relative to. tried: so many shapes.
     """
     prepared, family = stage.prepared, weighed.candidate.family
-    if family.member is None or not weighed.candidate.member.shape:
+    if family.member is None or not searched_for(weighed.candidate):
         return weighed
     if family.effect == DELAY:
         # Beside the log's timing any size seems to do; its column is exact at its own alone.

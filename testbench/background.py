@@ -22,6 +22,7 @@ VISCOUS_DIFFERENCE = (0.002, 0.01)  # of the viscous friction, either sign
 LOAD_FRICTION = (0.002, 0.008)
 RIPPLE = (0.0005, 0.0015)  # of the torque limit
 RIPPLE_CYCLES = (8.0, 60.0)
+SECOND_HARMONIC = 0.3  # of the ripple's amplitude
 CABLE = (0.005, 0.03)  # of the Coulomb friction, N·m/rad
 TORQUE_NOISE = 0.005  # of the torque limit
 CORRELATION_TIME = (0.002, 0.01)  # s
@@ -72,6 +73,9 @@ def background(robot: Robot, seed: int | np.random.SeedSequence, scale: float = 
                 "doubling": min(float(robot.limits.upper[joint] - robot.limits.lower[joint]), 2 * np.pi),
             },
         }
+        ripple = drawn["transmission_ripple"]
+        ripple["second_amplitude"] = SECOND_HARMONIC * ripple["amplitude"]
+        ripple["second_phase"] = 2 * ripple["phase"]
         for name, values in drawn.items():
             law = str(rng.choice(effect(name).DESCRIPTION.laws))
             injections.append(injection(robot, name, joint + 1, values, law))

@@ -62,9 +62,12 @@ def test_load_friction_follows_the_torque_that_the_gearbox_carries(arm: Robot, l
 
 @pytest.mark.parametrize("law", ["harmonic", "second_harmonic"])
 def test_ripple_is_periodic_in_the_position(arm: Robot, law: str) -> None:
-    recording = run(arm, placed(arm, "transmission_ripple", law, amplitude=1.5, cycles=20, phase=0.3))
-    angle = 20 * recording.truth["position"][:, 1] + 0.3
-    wanted = -1.5 * np.sin(angle) - (0.45 * np.sin(2 * angle) if law == "second_harmonic" else 0)
+    values = {"amplitude": 1.5, "cycles": 20, "phase": 0.3, "second_amplitude": 0.4, "second_phase": 1.1}
+    recording = run(arm, placed(arm, "transmission_ripple", law, **values))
+    angle = 20 * recording.truth["position"][:, 1]
+    wanted = -1.5 * np.sin(angle + 0.3)
+    if law == "second_harmonic":
+        wanted -= 0.4 * np.sin(2 * angle + 1.1)
     np.testing.assert_allclose(recording.truth["effect_torque"][:, 1], wanted, atol=0.02)
 
 

@@ -19,10 +19,10 @@ SHAPES = {
     "presliding_hysteresis": {"exponent": (0.4, 2.6)},
     "joint_coupling": {"width": (0.01, 0.15)},
     "thermal_friction_drift": {"time_constant": (10.0, 60.0)},
-    "transmission_ripple": {"cycles": (8.0, 60.0), "phase": (-np.pi, np.pi)},
+    "transmission_ripple": {"cycles": (8.0, 60.0), "phase": (-np.pi, np.pi), "second_phase": (-np.pi, np.pi)},
     "gravity_spring": {"phase": (-np.pi, np.pi)},
     "cable_spring": {"rest": (-1.0, 1.0), "doubling": (0.5, 1.5)},
-    "encoder_eccentricity": {"phase": (-np.pi, np.pi)},
+    "encoder_eccentricity": {"phase": (-np.pi, np.pi), "second_phase": (-np.pi, np.pi)},
     "external_contact": {"start": (1.0, 6.0), "duration": (0.2, 1.0)},
 }
 SIGNED = {
@@ -33,7 +33,12 @@ SIGNED = {
     "torque_gain_error": ("relative",),
 }
 # Sizes that vary about the typical one of their severity by up to this factor.
-SPREAD = {"joint_elasticity": {"damping": 3.0}, "joint_coupling": {"viscous": 2.0, "coulomb": 2.0}}
+SPREAD = {
+    "joint_elasticity": {"damping": 3.0},
+    "joint_coupling": {"viscous": 2.0, "coulomb": 2.0},
+    "transmission_ripple": {"second_amplitude": 2.0},
+    "encoder_eccentricity": {"second_amplitude": 2.0},
+}
 # Friction flattens by the first exponents and bends, either way, by the second: by so much of the viscous
 # torque at the speed limit.
 FLATTENING, BENDING, BENT = (0.3, 0.7), (1.8, 2.2), (0.1, 0.4)

@@ -150,7 +150,8 @@ def _markdown(diagnosis: Diagnosis, next_experiment: NextExperiment | None) -> s
     lines += ["", "Evidence, in the order of the bars:", ""]
     for number, one in enumerate(ranked):
         label = words.labelled(robot, one.effect, one.joint, one.into)
-        lines.append(f"{number}. {label}: {100 * one.probability:.0f} % {one.reason}")
+        reason = f", {one.reason}" if one.reason else ""
+        lines.append(f"{number}. {label}: {100 * one.probability:.0f} %{reason}")
     if next_experiment is not None:
         lines += ["", f"**Next:** {next_experiment.why}"]
     return "\n".join(lines)

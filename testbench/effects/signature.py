@@ -26,6 +26,9 @@ from .logged import Logged as Logged
 
 Array = NDArray[np.float64]
 
+# Shape of a wave that has more harmonics than one: how many.
+HARMONICS = "harmonics"
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -142,6 +145,7 @@ class Family:
     member: the member at any such shape.
     swallowed: re-identification takes most of it up, so look for it in the parameters' shift. picked_from:
     how many shapes its members were picked from by what the runs look like; 0 where they are all there is.
+    richer: members by laws that have a member's own in them, and more.
     """
 
     effect: str
@@ -153,6 +157,7 @@ class Family:
     into: int | None = None
     swallowed: bool = False
     picked_from: int = 0
+    richer: Callable[[Member], tuple[Member, ...]] | None = None
 
     def at(self, shape: Mapping[str, float]) -> Member | None:
         """The member of that shape, or None where these runs have none."""
@@ -252,6 +257,21 @@ def amplitude_and_phase(cosine: float, sine: float, covariance: Array) -> tuple[
         phase,
         float(np.sqrt(max(float(across @ covariance @ across), 0.0))),
     )
+
+
+def wave_parameters(c: Array, covariance: Array, unit: str) -> dict[str, Quantity]:
+    """Amplitude and phase of a wave, and of its second harmonic where it has one.
+
+    c: (2,) or (4,) cosine and sine of each, as of ``amplitude_and_phase``.
+    """
+    found = {}
+    for prefix, at in zip(("", "second_"), range(0, len(c), 2), strict=False):
+        own = slice(at, at + 2)
+        cosine, sine = c[own].tolist()
+        amplitude, amplitude_std, phase, phase_std = amplitude_and_phase(cosine, sine, covariance[own, own])
+        found[f"{prefix}amplitude"] = Quantity(amplitude, amplitude_std, unit)
+        found[f"{prefix}phase"] = Quantity(phase, phase_std, "rad")
+    return found
 
 
 def places(

@@ -22,32 +22,46 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .passive_device import passive_device
-from .signature import Family, Logged, Member, Quantity, amplitude_and_phase, single_joint
-from .size import scale_of
+from .signature import (
+    HARMONICS,
+    Family,
+    Logged,
+    Member,
+    Quantity,
+    single_joint,
+    wave_parameters,
+)
 
 Array = NDArray[np.float64]
+
+HARMONIC, SECOND_HARMONIC, LOAD_MODULATED = "harmonic", "second_harmonic", "load_modulated"
 
 DESCRIPTION = EffectDescription(
     name="transmission_ripple",
     title="Transmission ripple",
-    law="drive torque needed + amplitude·sin(cycles·q + phase); second_harmonic adds 30 % at twice the "
-    "cycles, load_modulated scales it with 0.5 + 2.5·|tau_load| / torque limit",
+    law="drive torque needed + amplitude·sin(cycles·q + phase); second_harmonic adds "
+    "second_amplitude·sin(2·cycles·q + second_phase), load_modulated scales it with unloaded + "
+    "(1 - unloaded)·|tau_load| / full_load",
     reference='Preissner, Royston & Shu, "A high-fidelity harmonic drive model", J. Dyn. Sys. 134(1), 2012',
     scope=Scope.JOINT,
     parameters=(
         EffectParameter("amplitude", "N·m", 0.0, np.inf, (0.005, 0.03), "torque_limit"),
         EffectParameter("cycles", "-", 0.5, 2000.0, (12.0, 40.0)),
         EffectParameter("phase", "rad", -2 * np.pi, 2 * np.pi, (0.0, 1.0)),
+        EffectParameter(
+            "second_amplitude", "N·m", 0.0, np.inf, (0.0015, 0.009), "torque_limit", SECOND_HARMONIC
+        ),
+        EffectParameter("second_phase", "rad", -2 * np.pi, 2 * np.pi, (0.0, 2.0), law=SECOND_HARMONIC),
+        EffectParameter("unloaded", "-", 0.0, 1.0, (0.5, 0.5), law=LOAD_MODULATED),
+        EffectParameter("full_load", "N·m", 1e-9, np.inf, (0.2, 0.2), "torque_limit", LOAD_MODULATED),
     ),
-    laws=("harmonic", "second_harmonic", "load_modulated"),
+    laws=(HARMONIC, SECOND_HARMONIC, LOAD_MODULATED),
     confused_with=("encoder_eccentricity", "gravity_spring"),
     of_friction=True,
 )
 
-SECOND_HARMONIC = 0.3
-# Load at which load-modulated ripple has its full amplitude, in torque limits, and its share without load.
-FULL_LOAD, UNLOADED = 0.2, 0.5
-HARMONIC, SECOND, MODULATED = range(3)
+# Share of a ripple that a joint without load has, where it goes with the load: looked for first.
+LIKELY_UNLOADED = 0.5
 
 # Cycles a revolution, or in 2 pi metres; what is slower is a spring's business. A strain wave gear's wave
 # generator has two a turn of the motor, a ball screw one a lead of some millimetres.
@@ -64,51 +78,76 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     """A torque at the motor that depends on its position."""
     joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
     values = [injection.values[name] for name in ("amplitude", "cycles", "phase")]
-    full_load = FULL_LOAD * scale_of("torque_limit", simulated.robot, joint)
-    values += [DESCRIPTION.laws.index(injection.law), full_load]
+    # A second harmonic of nothing, where there is none.
+    values += [injection.values.get(name, 0.0) for name in ("second_amplitude", "second_phase")]
+    # And one that is the same at any load.
+    unloaded, full_load = (injection.values.get(name, 1.0) for name in ("unloaded", "full_load"))
+    values += [unloaded, (1.0 - unloaded) / full_load]
     return Action((hook(Stage.TORQUE, _ripple, joint, values),))
 
 
 @hook_kernel
 def _ripple(bus: int, parameters: int, state: int, joint: int) -> None:
-    row, value = bus_row(bus, joint), vector(parameters, 5)
-    amplitude, law = value[0], value[3]
-    angle = value[1] * row[POSITION] + value[2]
-    wave = amplitude * np.sin(angle)
-    if law == SECOND:
-        wave += SECOND_HARMONIC * amplitude * np.sin(2.0 * angle)
-    elif law == MODULATED:
-        wave *= UNLOADED + (1.0 - UNLOADED) * abs(row[LOAD]) / value[4]
-    row[MOTOR_TORQUE] -= wave
+    row, value = bus_row(bus, joint), vector(parameters, 7)
+    angle = value[1] * row[POSITION]
+    wave = value[0] * np.sin(angle + value[2]) + value[3] * np.sin(2.0 * angle + value[4])
+    row[MOTOR_TORQUE] -= wave * (value[5] + value[6] * abs(row[LOAD]))
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """cos and sin of cycles·q, at the peaks of the residual's periodogram in position."""
+    """cos and sin of cycles·q, at the peaks of the residual's periodogram in position.
+
+    By its other laws with those of twice that, or in proportion to a share of the load.
+    """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     found, resolution = periodogram_peaks(runs, joint)
-    free = np.full(2, np.inf)
 
     def member(shape: Mapping[str, float]) -> Member:
-        angles = [shape["cycles"] * run.q[:, joint] for run in runs]
-        columns = [np.column_stack([np.cos(angle), np.sin(angle)]) for angle in angles]
-        return Member(dict(shape), (joint,), single_joint(columns), -free, free)
+        orders, unloaded = np.arange(1, 1 + shape.get(HARMONICS, 1)), shape.get("unloaded", 1.0)
+        columns = []
+        for run in runs:
+            angles = shape["cycles"] * run.q[:, joint, None] * orders
+            # cos and sin of the first, then of the second.
+            waves = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(run.samples, -1)
+            if "unloaded" in shape:
+                loaded = np.abs(run.load[:, joint, None]) / shape["full_load"]
+                waves *= unloaded + (1 - unloaded) * loaded
+            columns.append(waves)
+        free = np.full(2 * len(orders), np.inf)
+        law = LOAD_MODULATED if "unloaded" in shape else SECOND_HARMONIC if HARMONICS in shape else None
+        return Member(dict(shape), (joint,), single_joint(columns), -free, free, law)
 
-    def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
-        amplitude, amplitude_std, phase, phase_std = amplitude_and_phase(
-            float(c[0]), float(c[1]), covariance[:2, :2]
-        )
-        cycles_std = float(np.sqrt(max(covariance[2, 2], 0.0))) if len(covariance) > 2 else 0.0
-        return {
-            "amplitude": Quantity(amplitude, amplitude_std, "N·m"),
-            "cycles": Quantity(member.shape["cycles"], cycles_std, "-"),
-            "phase": Quantity(phase, phase_std, "rad"),
-        }
+    def richer(plain: Member) -> tuple[Member, ...]:
+        load = float(np.sqrt(np.mean(np.concatenate([run.load[:, joint] for run in runs]) ** 2)))
+        modulated = {"unloaded": LIKELY_UNLOADED, "full_load": load}
+        shapes = [{HARMONICS: 2.0}, *([modulated] if load > 0 else [])]
+        return tuple(member({**plain.shape, **more}) for more in shapes)
 
     members = tuple(member({"cycles": cycles}) for cycles in found)
     bounds = (max(LOWEST, found.min() - resolution), found.max() + resolution)
     # The grid's spacing is a quarter of the resolution.
     tried = round((_highest(runs, joint) - LOWEST) / (4 * resolution))
-    return Family(DESCRIPTION.name, joint, members, parameters, {"cycles": bounds}, member, picked_from=tried)
+    return Family(
+        effect=DESCRIPTION.name,
+        joint=joint,
+        members=members,
+        parameters=_parameters,
+        refine={"cycles": bounds, "unloaded": (0.0, 1.0)},
+        member=member,
+        picked_from=tried,
+        richer=richer,
+    )
+
+
+def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
+    waves, shape = wave_parameters(c, covariance, "N·m"), member.shape
+    # Of the shapes that are searched, after the coefficients.
+    std = np.sqrt(np.maximum(np.diag(covariance)[len(c) :], 0.0))
+    found = {"amplitude": waves.pop("amplitude"), "cycles": Quantity(shape["cycles"], float(std[0]), "-")}
+    if member.law == LOAD_MODULATED:
+        found["unloaded"] = Quantity(shape["unloaded"], float(std[1]), "-")
+        found["full_load"] = Quantity(shape["full_load"], 0.0, "N·m")
+    return found | waves
 
 
 def _highest(runs: Sequence[Logged], joint: int) -> float:
@@ -158,16 +197,16 @@ def _periodogram(angle: Array, residual: Array, spacing: float, highest: float) 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     """The cogging torque of a passive dcmotor, whole cycles a revolution."""
     joint = require_joint(DESCRIPTION.name, injection.joint, robot.joints)
-    amplitude, cycles, phase = (injection.values[name] for name in ("amplitude", "cycles", "phase"))
+    values, cycles = injection.values, injection.values["cycles"]
     sentences = []
-    harmonics = [(amplitude, 1.0, phase)]
-    if injection.law == "second_harmonic":
-        harmonics.append((SECOND_HARMONIC * amplitude, 2.0, 2 * phase))
-    if injection.law == "load_modulated":
+    waves = [(values["amplitude"], 1.0, values["phase"])]
+    if injection.law == SECOND_HARMONIC:
+        waves.append((values["second_amplitude"], 2.0, values["second_phase"]))
+    if injection.law == LOAD_MODULATED:
         sentences.append("MuJoCo's cogging torque does not depend on the load")
     if cycles != round(cycles):
         sentences.append(f"MuJoCo's cogging torque has whole cycles: {round(cycles)} instead of {cycles:g}")
-    for size, order, angle in harmonics:
+    for size, order, angle in waves:
         cogging = (size, order * round(cycles), angle + np.pi)
         passive_device(spec, robot, joint, "ripple", cogging=cogging)
     return tuple(sentences)
