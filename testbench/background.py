@@ -75,7 +75,7 @@ def background(robot: Robot, seed: int | np.random.SeedSequence, scale: float = 
         }
         ripple = drawn["transmission_ripple"]
         ripple["second_amplitude"] = SECOND_HARMONIC * ripple["amplitude"]
-        ripple["second_phase"] = 2 * ripple["phase"]
+        ripple |= {"second_cycles": 2 * ripple["cycles"], "second_phase": 2 * ripple["phase"]}
         for name, values in drawn.items():
             law = str(rng.choice(effect(name).DESCRIPTION.laws))
             injections.append(injection(robot, name, joint + 1, values, law))

@@ -19,7 +19,12 @@ SHAPES = {
     "presliding_hysteresis": {"exponent": (0.4, 2.6)},
     "joint_coupling": {"width": (0.01, 0.15)},
     "thermal_friction_drift": {"time_constant": (10.0, 60.0)},
-    "transmission_ripple": {"cycles": (8.0, 60.0), "phase": (-np.pi, np.pi), "second_phase": (-np.pi, np.pi)},
+    "transmission_ripple": {
+        "cycles": (8.0, 60.0),
+        "phase": (-np.pi, np.pi),
+        "second_cycles": (8.0, 120.0),
+        "second_phase": (-np.pi, np.pi),
+    },
     "gravity_spring": {"phase": (-np.pi, np.pi)},
     "cable_spring": {"rest": (-1.0, 1.0), "doubling": (0.5, 1.5)},
     "encoder_eccentricity": {"phase": (-np.pi, np.pi), "second_phase": (-np.pi, np.pi)},
@@ -42,6 +47,8 @@ SPREAD = {
 # Friction flattens by the first exponents and bends, either way, by the second: by so much of the viscous
 # torque at the speed limit.
 FLATTENING, BENDING, BENT = (0.3, 0.7), (1.8, 2.2), (0.1, 0.4)
+# Share of the ripples with a second wave whose wave is a second harmonic.
+HARMONIC = 0.5
 # Share of the samples at which a saturation clips, mild and severe.
 CLIPPED = (0.005, 0.08)
 # A payload is typical of an arm whose links weigh this much, kg; its centre lies this far out, m.
@@ -99,6 +106,8 @@ def drawn_injection(
             at_limit = (BENT[0] + severity * (BENT[1] - BENT[0])) * scale_of("viscous_torque", robot, joint)
             speed = speed_limit(robot.limits, joint) ** values["exponent"]
             values["coefficient"] = float(rng.choice((-1.0, 1.0))) * at_limit / speed
+    if name == "transmission_ripple" and rng.random() < HARMONIC:
+        values["second_cycles"] = 2 * values["cycles"]
     if name == "cable_spring":
         assert joint is not None
         # Of half the joint's range.

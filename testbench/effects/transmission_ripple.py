@@ -23,7 +23,6 @@ from .action import (
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .passive_device import passive_device
 from .signature import (
-    HARMONICS,
     Family,
     Logged,
     Member,
@@ -34,13 +33,13 @@ from .signature import (
 
 Array = NDArray[np.float64]
 
-HARMONIC, SECOND_HARMONIC, LOAD_MODULATED = "harmonic", "second_harmonic", "load_modulated"
+HARMONIC, TWO_WAVES, LOAD_MODULATED = "harmonic", "two_waves", "load_modulated"
 
 DESCRIPTION = EffectDescription(
     name="transmission_ripple",
     title="Transmission ripple",
-    law="drive torque needed + amplitude·sin(cycles·q + phase); second_harmonic adds "
-    "second_amplitude·sin(2·cycles·q + second_phase), load_modulated scales it with unloaded + "
+    law="drive torque needed + amplitude·sin(cycles·q + phase); two_waves adds "
+    "second_amplitude·sin(second_cycles·q + second_phase), load_modulated scales it with unloaded + "
     "(1 - unloaded)·|tau_load| / full_load",
     reference='Preissner, Royston & Shu, "A high-fidelity harmonic drive model", J. Dyn. Sys. 134(1), 2012',
     scope=Scope.JOINT,
@@ -48,14 +47,13 @@ DESCRIPTION = EffectDescription(
         EffectParameter("amplitude", "N·m", 0.0, np.inf, (0.005, 0.03), "torque_limit"),
         EffectParameter("cycles", "-", 0.5, 2000.0, (12.0, 40.0)),
         EffectParameter("phase", "rad", -2 * np.pi, 2 * np.pi, (0.0, 1.0)),
-        EffectParameter(
-            "second_amplitude", "N·m", 0.0, np.inf, (0.0015, 0.009), "torque_limit", SECOND_HARMONIC
-        ),
-        EffectParameter("second_phase", "rad", -2 * np.pi, 2 * np.pi, (0.0, 2.0), law=SECOND_HARMONIC),
+        EffectParameter("second_amplitude", "N·m", 0.0, np.inf, (0.0015, 0.009), "torque_limit", TWO_WAVES),
+        EffectParameter("second_cycles", "-", 0.5, 4000.0, (24.0, 80.0), law=TWO_WAVES),
+        EffectParameter("second_phase", "rad", -2 * np.pi, 2 * np.pi, (0.0, 2.0), law=TWO_WAVES),
         EffectParameter("unloaded", "-", 0.0, 1.0, (0.5, 0.5), law=LOAD_MODULATED),
         EffectParameter("full_load", "N·m", 1e-9, np.inf, (0.2, 0.2), "torque_limit", LOAD_MODULATED),
     ),
-    laws=(HARMONIC, SECOND_HARMONIC, LOAD_MODULATED),
+    laws=(HARMONIC, TWO_WAVES, LOAD_MODULATED),
     confused_with=("encoder_eccentricity", "gravity_spring"),
     of_friction=True,
 )
@@ -78,8 +76,9 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     """A torque at the motor that depends on its position."""
     joint = require_joint(DESCRIPTION.name, injection.joint, simulated.robot.joints)
     values = [injection.values[name] for name in ("amplitude", "cycles", "phase")]
-    # A second harmonic of nothing, where there is none.
-    values += [injection.values.get(name, 0.0) for name in ("second_amplitude", "second_phase")]
+    # A second wave of nothing, where there is none.
+    second = ("second_amplitude", "second_cycles", "second_phase")
+    values += [injection.values.get(name, 0.0) for name in second]
     # And one that is the same at any load.
     unloaded, full_load = (injection.values.get(name, 1.0) for name in ("unloaded", "full_load"))
     values += [unloaded, (1.0 - unloaded) / full_load]
@@ -88,39 +87,42 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 @hook_kernel
 def _ripple(bus: int, parameters: int, state: int, joint: int) -> None:
-    row, value = bus_row(bus, joint), vector(parameters, 7)
-    angle = value[1] * row[POSITION]
-    wave = value[0] * np.sin(angle + value[2]) + value[3] * np.sin(2.0 * angle + value[4])
-    row[MOTOR_TORQUE] -= wave * (value[5] + value[6] * abs(row[LOAD]))
+    row, value = bus_row(bus, joint), vector(parameters, 8)
+    q = row[POSITION]
+    wave = value[0] * np.sin(value[1] * q + value[2]) + value[3] * np.sin(value[4] * q + value[5])
+    row[MOTOR_TORQUE] -= wave * (value[6] + value[7] * abs(row[LOAD]))
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """cos and sin of cycles·q, at the peaks of the residual's periodogram in position.
 
-    By its other laws with those of twice that, or in proportion to a share of the load.
+    By its other laws with those of a second wave, or in proportion to a share of the load.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     found, resolution = periodogram_peaks(runs, joint)
 
     def member(shape: Mapping[str, float]) -> Member:
-        orders, unloaded = np.arange(1, 1 + shape.get(HARMONICS, 1)), shape.get("unloaded", 1.0)
+        cycles = np.array([shape[name] for name in ("cycles", "second_cycles") if name in shape])
         columns = []
         for run in runs:
-            angles = shape["cycles"] * run.q[:, joint, None] * orders
+            angles = run.q[:, joint, None] * cycles
             # cos and sin of the first, then of the second.
             waves = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(run.samples, -1)
             if "unloaded" in shape:
                 loaded = np.abs(run.load[:, joint, None]) / shape["full_load"]
-                waves *= unloaded + (1 - unloaded) * loaded
+                waves *= shape["unloaded"] + (1 - shape["unloaded"]) * loaded
             columns.append(waves)
-        free = np.full(2 * len(orders), np.inf)
-        law = LOAD_MODULATED if "unloaded" in shape else SECOND_HARMONIC if HARMONICS in shape else None
+        free = np.full(2 * len(cycles), np.inf)
+        law = LOAD_MODULATED if "unloaded" in shape else TWO_WAVES if len(cycles) > 1 else None
         return Member(dict(shape), (joint,), single_joint(columns), -free, free, law)
 
     def richer(plain: Member) -> tuple[Member, ...]:
+        # The other stage of the gearbox, or what the first wave is no sine by.
+        others, _ = periodogram_peaks(runs, joint, [columns[:, 0] for columns in plain.columns])
+        shapes = [{"second_cycles": cycles} for cycles in (2 * plain.shape["cycles"], *others)]
         load = float(np.sqrt(np.mean(np.concatenate([run.load[:, joint] for run in runs]) ** 2)))
-        modulated = {"unloaded": LIKELY_UNLOADED, "full_load": load}
-        shapes = [{HARMONICS: 2.0}, *([modulated] if load > 0 else [])]
+        if load > 0:
+            shapes.append({"unloaded": LIKELY_UNLOADED, "full_load": load})
         return tuple(member({**plain.shape, **more}) for more in shapes)
 
     members = tuple(member({"cycles": cycles}) for cycles in found)
@@ -132,7 +134,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         joint=joint,
         members=members,
         parameters=_parameters,
-        refine={"cycles": bounds, "unloaded": (0.0, 1.0)},
+        refine={"cycles": bounds, "second_cycles": bounds, "unloaded": (0.0, 1.0)},
         member=member,
         picked_from=tried,
         richer=richer,
@@ -144,8 +146,10 @@ def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quanti
     # Of the shapes that are searched, after the coefficients.
     std = np.sqrt(np.maximum(np.diag(covariance)[len(c) :], 0.0))
     found = {"amplitude": waves.pop("amplitude"), "cycles": Quantity(shape["cycles"], float(std[0]), "-")}
+    if member.law == TWO_WAVES:
+        found["second_cycles"] = Quantity(shape["second_cycles"], float(std[1]), "-")
     if member.law == LOAD_MODULATED:
-        found["unloaded"] = Quantity(shape["unloaded"], float(std[1]), "-")
+        found["unloaded"] = Quantity(shape["unloaded"], float(std[2]), "-")
         found["full_load"] = Quantity(shape["full_load"], 0.0, "N·m")
     return found | waves
 
@@ -154,21 +158,29 @@ def _highest(runs: Sequence[Logged], joint: int) -> float:
     return HIGHEST_OF_SLIDE if runs[0].chain.is_slide[joint] else HIGHEST
 
 
-def periodogram_peaks(runs: Sequence[Logged], joint: int) -> tuple[Array, float]:
+def periodogram_peaks(
+    runs: Sequence[Logged], joint: int, without: Sequence[Array] = ()
+) -> tuple[Array, float]:
     """Cycles a revolution at the highest peaks of the residual's least-squares periodogram, (PEAKS,).
 
-    Also the spacing of its grid, a quarter of the resolution that the travelled range allows.
+    Also the spacing of its grid, a quarter of the resolution that the travelled range allows. without: a run
+    (N, k), what is taken out of the residual first.
     """
-    angles, residuals = [], []
-    for run in runs:
+    angles, residuals, known = [], [], []
+    for run, columns in zip(runs, without or [np.zeros((run.samples, 0)) for run in runs], strict=True):
         step = max(int(run.sample_rate / PERIODOGRAM_RATE), 1)
         count = run.samples // step * step
+        signals = np.column_stack([*(x[:, joint] for x in (run.q, run.dq, run.residual)), columns])
         # Block means keep what is slower than the coarser grid and drop noise.
-        means = [x[:count, joint].reshape(-1, step).mean(axis=1) for x in (run.q, run.residual, run.dq)]
-        moving = np.abs(means[2]) > MOVING * np.abs(means[2]).max(initial=0.0)
-        angles.append(means[0][moving])
-        residuals.append(means[1][moving] - means[1][moving].mean() if moving.any() else means[1][:0])
-    angle, residual = np.concatenate(angles), np.concatenate(residuals)
+        means = signals[:count].reshape(-1, step, signals.shape[1]).mean(axis=1)
+        means = means[np.abs(means[:, 1]) > MOVING * np.abs(means[:, 1]).max(initial=0.0)]
+        angles.append(means[:, 0])
+        centred = means[:, 2:] - (means[:, 2:].mean(axis=0) if len(means) else 0.0)
+        residuals.append(centred[:, 0])
+        known.append(centred[:, 1:])
+    angle, residual, taken = (np.concatenate(each) for each in (angles, residuals, known))
+    if taken.size:
+        residual = residual - taken @ np.linalg.lstsq(taken, residual)[0]
     travelled = float(np.ptp(angle)) if angle.size else 0.0
     spacing = float(np.clip(np.pi / (2 * max(travelled, 1e-9)), 0.05, 2.0))
     cycles, power = _periodogram(angle, residual, spacing, _highest(runs, joint))
@@ -197,16 +209,16 @@ def _periodogram(angle: Array, residual: Array, spacing: float, highest: float) 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     """The cogging torque of a passive dcmotor, whole cycles a revolution."""
     joint = require_joint(DESCRIPTION.name, injection.joint, robot.joints)
-    values, cycles = injection.values, injection.values["cycles"]
     sentences = []
-    waves = [(values["amplitude"], 1.0, values["phase"])]
-    if injection.law == SECOND_HARMONIC:
-        waves.append((values["second_amplitude"], 2.0, values["second_phase"]))
     if injection.law == LOAD_MODULATED:
         sentences.append("MuJoCo's cogging torque does not depend on the load")
-    if cycles != round(cycles):
-        sentences.append(f"MuJoCo's cogging torque has whole cycles: {round(cycles)} instead of {cycles:g}")
-    for size, order, angle in waves:
-        cogging = (size, order * round(cycles), angle + np.pi)
-        passive_device(spec, robot, joint, "ripple", cogging=cogging)
+    for wave in ("", *(["second_"] if injection.law == TWO_WAVES else [])):
+        amplitude, cycles, phase = (
+            injection.values[wave + name] for name in ("amplitude", "cycles", "phase")
+        )
+        if cycles != round(cycles):
+            sentences.append(
+                f"MuJoCo's cogging torque has whole cycles: {round(cycles)} instead of {cycles:g}"
+            )
+        passive_device(spec, robot, joint, "ripple", cogging=(amplitude, round(cycles), phase + np.pi))
     return tuple(sentences)
