@@ -12,6 +12,7 @@ effect that re-identification swallows shows in the prior alone.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,10 +105,10 @@ def price(hypothesis: Design, candidate: Candidate) -> float:
     return 0.5 * (candidate.count + len(candidate.member.shape)) * float(np.log(max(told, 1.0)))
 
 
-def weigh(stage: Stage, bank: Bank, allowed: Callable[[Gain], bool] = lambda gain: True) -> list[Weighed]:
+def weigh(stage: Stage, *banks: Bank, allowed: Callable[[Gain], bool] = lambda gain: True) -> list[Weighed]:
     """Each family's best member among those allowed, best first."""
     families: dict[Place, Weighed] = {}
-    for gain in stage.gains(bank):
+    for gain in chain.from_iterable(map(stage.gains, banks)):
         if gain is None or not allowed(gain):
             continue
         weighed = Weighed(gain, gained(stage, gain))

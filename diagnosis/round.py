@@ -19,6 +19,7 @@ from .hypothesis import DELAY, Design
 from .likelihood import Weighed, gained_by_shift, weigh
 from .linearisation import bends_parameters
 from .materiality import OF_ENCODER, SMALLEST_GAIN, SMALLEST_WALD, is_material
+from .ripple_peaks import ripple_candidates
 from .saturation import Cut, saturation
 from .shortlist import choose, refined
 from .swallowed import swallowed
@@ -106,9 +107,10 @@ class Search:
             law = gain.candidate.member.law
             return law is None or is_plausible(self.sized, gain.candidate, gain.coefficients)
 
+        anew = Bank(stage.ground, ripple_candidates(self.first, stage, proposals.candidates))
         return [
             w
-            for w in weigh(stage, proposals, allowed)
+            for w in weigh(stage, proposals, anew, allowed=allowed)
             if w.candidate.place not in taken
             and w.gain.wald > AS_NOTHING
             and is_plausible(self.sized, w.candidate, w.gain.coefficients)

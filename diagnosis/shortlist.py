@@ -13,12 +13,13 @@ from .bank import Bank
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
 from .evidence import Fit
-from .healthy import BRISTLES, CABLE, ELASTIC, SPRINGS, is_plausible
+from .healthy import BRISTLES, CABLE, ELASTIC, RIPPLE, SPRINGS, is_plausible
 from .hypothesis import DELAY, Design
 from .likeliest_shapes import at_likeliest_shape, is_searched
 from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price, weigh
 from .linearisation import TRANSMISSIONS, bends_parameters, linearised_anew
 from .materiality import OF_ENCODER
+from .ripple_peaks import second_waves
 from .shape_search import search, searched_for
 from .weighing import Stage
 
@@ -231,9 +232,11 @@ def _richer(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     """What was refined by a law that has its own in it, where all runs surely tell the richer; else that."""
     family = found.candidate.family
     assert family.richer is not None
-    members = [candidate(stage.prepared, family, each) for each in family.richer(found.candidate.member)]
+    members = family.richer(found.candidate.member)
+    if family.effect == RIPPLE:
+        members += second_waves(*stage.compared(found.candidate))
     tried = []
-    for gain in filter(None, (stage.gain(each) for each in members)):
+    for gain in filter(None, (stage.gain(candidate(stage.prepared, family, each)) for each in members)):
         if is_plausible(robot, gain.candidate, gain.coefficients):
             tried.append(refined(robot, stage, Weighed(gain, gained(stage, gain)), MORE_TRIED))
     return _surely(stage, max(tried, key=lambda each: each.score), found) if tried else found

@@ -2,7 +2,13 @@
 
 import pytest
 
+from diagnosis.candidates import candidates
 from diagnosis.diagnose import diagnose
+from diagnosis.ground import ground
+from diagnosis.linearisation import first_linearised
+from diagnosis.preparation import prepare
+from diagnosis.ripple_peaks import ripple_candidates
+from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
 from .diagnosed import simulated_runs
@@ -41,3 +47,22 @@ def test_a_wave_is_told_with_its_law_and_nothing_of_it_is_left(arm, effect, law,
     for name, wanted in injection.values.items():
         quantity = wave.parameters[name]
         assert abs(quantity.value - wanted) < 4 * quantity.std, name
+
+
+def test_ripples_are_picked_anew_once_a_far_larger_effect_is_known(arm):
+    cycles = 31.7
+    lag = parse_injection(arm, "actuator_lag:elbow:time_constant=0.04")
+    small = parse_injection(arm, f"{RIPPLE}:elbow:amplitude=0.05,cycles={cycles},phase=0.5")
+    prepared = first_linearised(prepare(arm, simulated_runs(arm, [lag, small], runs=3)))
+    catalogue = [each for each in candidates(prepared, only=[RIPPLE]) if each.family.joint == 1]
+    lags = [each for each in candidates(prepared, only=["actuator_lag"]) if each.family.joint == 1]
+    first = Stage.of(ground(prepared), [])
+    best = max(filter(None, map(first.gain, lags)), key=lambda gain: gain.objective)
+    beside = Stage.of(first.ground, [best.candidate])
+    anew = ripple_candidates(first, beside, catalogue)
+    before, after = (
+        min(abs(each.member.shape["cycles"] - cycles) for each in of) for of in (catalogue, anew)
+    )
+    assert before > 1.0
+    assert after < 0.25
+    assert ripple_candidates(first, first, catalogue) == []

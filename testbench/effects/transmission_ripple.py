@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.chain import Chain
+
 from ..robot import Robot
 from .action import (
     LOAD,
@@ -99,7 +101,11 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     By its other laws with those of a second wave, or in proportion to a share of the load.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    found, resolution = periodogram_peaks(runs, joint)
+    return ripples(runs, joint, *periodogram_peaks(runs, joint))
+
+
+def ripples(runs: Sequence[Logged], joint: int, peaks: Array, resolution: float) -> Family:
+    """The same at given peaks, as of ``peaks_of``."""
 
     def member(shape: Mapping[str, float]) -> Member:
         cycles = np.array([shape[name] for name in ("cycles", "second_cycles") if name in shape])
@@ -117,18 +123,16 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         return Member(dict(shape), (joint,), single_joint(columns), -free, free, law)
 
     def richer(plain: Member) -> tuple[Member, ...]:
-        # The other stage of the gearbox, or what the first wave is no sine by.
-        others, _ = periodogram_peaks(runs, joint, [columns[:, 0] for columns in plain.columns])
-        shapes = [{"second_cycles": cycles} for cycles in (2 * plain.shape["cycles"], *others)]
+        shapes: list[dict[str, float]] = [{"second_cycles": 2 * plain.shape["cycles"]}]
         load = float(np.sqrt(np.mean(np.concatenate([run.load[:, joint] for run in runs]) ** 2)))
         if load > 0:
             shapes.append({"unloaded": LIKELY_UNLOADED, "full_load": load})
         return tuple(member({**plain.shape, **more}) for more in shapes)
 
-    members = tuple(member({"cycles": cycles}) for cycles in found)
-    bounds = (max(LOWEST, found.min() - resolution), found.max() + resolution)
+    members = tuple(member({"cycles": cycles}) for cycles in peaks)
+    bounds = (max(LOWEST, peaks.min() - resolution), peaks.max() + resolution)
     # The grid's spacing is a quarter of the resolution.
-    tried = round((_highest(runs, joint) - LOWEST) / (4 * resolution))
+    tried = round((highest_cycles(runs[0].chain, joint) - LOWEST) / (4 * resolution))
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,
@@ -154,36 +158,41 @@ def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quanti
     return found | waves
 
 
-def _highest(runs: Sequence[Logged], joint: int) -> float:
-    return HIGHEST_OF_SLIDE if runs[0].chain.is_slide[joint] else HIGHEST
+def highest_cycles(chain: Chain, joint: int) -> float:
+    """The most that are looked for."""
+    return HIGHEST_OF_SLIDE if chain.is_slide[joint] else HIGHEST
 
 
-def periodogram_peaks(
-    runs: Sequence[Logged], joint: int, without: Sequence[Array] = ()
-) -> tuple[Array, float]:
-    """Cycles a revolution at the highest peaks of the residual's least-squares periodogram, (PEAKS,).
-
-    Also the spacing of its grid, a quarter of the resolution that the travelled range allows. without: a run
-    (N, k), what is taken out of the residual first.
-    """
-    angles, residuals, known = [], [], []
-    for run, columns in zip(runs, without or [np.zeros((run.samples, 0)) for run in runs], strict=True):
+def periodogram_peaks(runs: Sequence[Logged], joint: int) -> tuple[Array, float]:
+    """``peaks_of`` the residual that re-identified parameters leave."""
+    signals: tuple[list[Array], list[Array], list[Array]] = ([], [], [])
+    for run in runs:
         step = max(int(run.sample_rate / PERIODOGRAM_RATE), 1)
         count = run.samples // step * step
-        signals = np.column_stack([*(x[:, joint] for x in (run.q, run.dq, run.residual)), columns])
         # Block means keep what is slower than the coarser grid and drop noise.
-        means = signals[:count].reshape(-1, step, signals.shape[1]).mean(axis=1)
-        means = means[np.abs(means[:, 1]) > MOVING * np.abs(means[:, 1]).max(initial=0.0)]
-        angles.append(means[:, 0])
-        centred = means[:, 2:] - (means[:, 2:].mean(axis=0) if len(means) else 0.0)
-        residuals.append(centred[:, 0])
-        known.append(centred[:, 1:])
-    angle, residual, taken = (np.concatenate(each) for each in (angles, residuals, known))
-    if taken.size:
-        residual = residual - taken @ np.linalg.lstsq(taken, residual)[0]
+        means = [x[:count, joint].reshape(-1, step).mean(axis=1) for x in (run.q, run.dq, run.residual)]
+        for found, mean in zip(signals, means, strict=True):
+            found.append(mean)
+    return peaks_of(*signals, highest_cycles(runs[0].chain, joint))
+
+
+def peaks_of(
+    angles: Sequence[Array], speeds: Sequence[Array], residuals: Sequence[Array], highest: float
+) -> tuple[Array, float]:
+    """Cycles a revolution at the highest peaks of a residual's least-squares periodogram, (PEAKS,).
+
+    Also the spacing of its grid, a quarter of the resolution that the travelled range allows. angles, speeds,
+    residuals: a run (N,). highest: the most cycles.
+    """
+    moved, left = [], []
+    for own, speed, residual in zip(angles, speeds, residuals, strict=True):
+        moving = np.abs(speed) > MOVING * np.abs(speed).max(initial=0.0)
+        moved.append(own[moving])
+        left.append(residual[moving] - residual[moving].mean() if moving.any() else residual[:0])
+    angle, residual = np.concatenate(moved), np.concatenate(left)
     travelled = float(np.ptp(angle)) if angle.size else 0.0
     spacing = float(np.clip(np.pi / (2 * max(travelled, 1e-9)), 0.05, 2.0))
-    cycles, power = _periodogram(angle, residual, spacing, _highest(runs, joint))
+    cycles, power = _periodogram(angle, residual, spacing, highest)
     inner = power[1:-1]
     tops = 1 + np.flatnonzero((inner >= power[:-2]) & (inner > power[2:]))
     if not tops.size:

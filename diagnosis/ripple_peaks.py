@@ -1,0 +1,57 @@
+"""Ripples of what a hypothesis leaves: where another effect left far more, none of theirs were the peaks."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbench.effects.signature import Family, Member
+from testbench.effects.transmission_ripple import highest_cycles, peaks_of, ripples
+
+from .candidates import Candidate, candidate
+from .evidence import Fit, squares
+from .healthy import RIPPLE
+from .hypothesis import Design
+from .weighing import Stage
+
+Array = NDArray[np.float64]
+
+# Of a joint's squared residual, what is left where the peaks may be others.
+OTHERS = 0.5
+
+
+def ripple_candidates(first: Stage, stage: Stage, catalogue: Sequence[Candidate]) -> list[Candidate]:
+    """Ripples at the peaks of what is left, of the joints at which effects took much away.
+
+    first: re-identification alone, whose peaks those of the catalogue are. catalogue: all that is sought.
+    """
+    left = squares(stage.fitted.residual) / np.maximum(squares(first.fitted.residual), 1e-300)
+    taken = stage.hypothesis.joints_with(RIPPLE)
+    sought = {each.family.joint for each in catalogue if each.family.effect == RIPPLE} - set(taken)
+    found = []
+    for joint in np.flatnonzero(left < OTHERS).tolist():
+        if joint in sought:
+            family = _family(stage.hypothesis, stage.fitted, joint)
+            found += [candidate(stage.prepared, family, member) for member in family.members]
+    return found
+
+
+def second_waves(hypothesis: Design, fitted: Fit) -> tuple[Member, ...]:
+    """The ripple that was taken in last, with a second wave at each peak of what is left."""
+    ripple = hypothesis.accepted[-1]
+    make, joint = ripple.family.member, ripple.family.joint
+    assert make is not None
+    assert joint is not None
+    others = _family(hypothesis, fitted, joint).members
+    return tuple(make({**ripple.member.shape, "second_cycles": each.shape["cycles"]}) for each in others)
+
+
+def _family(hypothesis: Design, fitted: Fit, joint: int) -> Family:
+    """The ripples of a joint at the peaks of what a hypothesis leaves."""
+    runs, chosen = hypothesis.prepared.runs, [used[:, joint] for used in hypothesis.used]
+    angles, speeds, left = (
+        [signal[use, joint] for signal, use in zip(signals, chosen, strict=True)]
+        for signals in ([run.q for run in runs], [run.dq for run in runs], fitted.residual)
+    )
+    peaks, resolution = peaks_of(angles, speeds, left, highest_cycles(hypothesis.prepared.robot.chain, joint))
+    return ripples([run.logged for run in runs], joint, peaks, resolution)
