@@ -49,7 +49,8 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         for each, fitted in (found.parameters_only, (found.hypothesis, found.fitted))
     )
     gap = _gap(prepared, only, final)
-    accepted, unmet = names_that_hold(found.accepted, gap, _rms(final[1].residual, final[0]))
+    fitted_gap = _rms(final[1].residual, final[0])
+    accepted, unmet = names_that_hold(found.accepted, gap, fitted_gap, _torque(found.prepared))
     found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet))
     named = [index for index, item in enumerate(found.accepted) if item.named]
     named.sort(key=lambda index: -found.accepted[index].score)

@@ -96,8 +96,9 @@ MOST_BENT = 30.0
 # hundredth where the model has next to nothing last.
 PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.45, 0.01
 # An effect's size is its first parameter, or the largest of these.
+DIFFERENCE = "viscous_difference"
 SIZES: Mapping[str, tuple[str, ...]] = {
-    "asymmetric_friction": ("offset", "viscous_difference"),
+    "asymmetric_friction": ("offset", DIFFERENCE),
     "joint_coupling": ("viscous", "coulomb"),
     "base_tilt": ("roll", "pitch"),
 }
@@ -191,6 +192,10 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
                 mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
             # A least size stands for the mild end of what grows.
             grows = True
+        if name == DIFFERENCE:
+            # Where friction is little of the torque, any direction's share of it is nothing.
+            assert family.joint is not None
+            mild = max(mild, LEAST_SIZE * float(torque_scale[family.joint]) / _speed(candidate))
         value = _number(values[name])
         if family.effect == CABLE:
             value *= _lever(robot, family.joint, values)
@@ -229,6 +234,12 @@ def _reached(candidate: Candidate) -> float:
     seconds = candidate.sample_time * sum(len(each) for each in member.columns)
     longest, constant = LONGEST_WARMING, member.shape["time_constant"]
     return min(float(np.expm1(-seconds / constant) / np.expm1(-seconds / longest)), 1.0)
+
+
+def _speed(candidate: Candidate) -> float:
+    """The joint's RMS speed in its runs, rad/s (m/s), of asymmetric friction: its second column is |v|."""
+    speeds = np.concatenate([column[:, 0, 1] for column in candidate.member.columns])
+    return max(float(np.sqrt(np.mean(speeds**2))), float(np.finfo(float).tiny))
 
 
 def _number(quantity: Quantity) -> float:

@@ -39,6 +39,8 @@ DWARFED = 0.05
 # of that off the gap of all joints, where it is farther from noise.
 EXPLAINED, FAR_FROM_NOISE = 0.2, 3.0
 EXPLAINED_OF_ALL, FARTHER_FROM_NOISE = 0.1, 4.0
+# Of a joint whose name does not hold, what is less than this share of its torque is nothing to explain.
+LEAST_UNMET = 0.01
 # A gain error told from three deviations when it is taken in, as wrists' are, must be four from none at last.
 GAIN_AT_LAST = 16.0
 
@@ -185,13 +187,13 @@ def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> boo
 
 
 def names_that_hold(
-    accepted: Sequence[Accepted], gap: Gap, fitted: Array
+    accepted: Sequence[Accepted], gap: Gap, fitted: Array, torque: Array
 ) -> tuple[tuple[Accepted, ...], tuple[Unclaimed, ...]]:
     """What was taken in, without the names that leave their joints' gap as it was, or all gaps; those joints.
 
-    gap: on whole runs left out. fitted: (n,) N·m RMS that all runs fitted together leave. What only one run
-    tells may leave the gap of that run as it was, but not what all of them fit. What re-identification
-    swallows never seemed to explain it. A push of such a joint is a rest of it.
+    gap: on whole runs left out. fitted, torque: (n,) N·m RMS, what all runs fitted together leave, and of the
+    joints. What only one run tells may leave the gap of that run as it was, but not what all of them fit.
+    What re-identification swallows never seemed to explain it. A push of such a joint is a rest of it.
     """
     closed, reducible = gap.parameters - gap.effects, gap.parameters - gap.noise_floor
     is_far = np.minimum(gap.parameters, fitted) > FAR_FROM_NOISE * gap.noise_floor
@@ -199,17 +201,18 @@ def names_that_hold(
     if gap.parameters.sum() > FARTHER_FROM_NOISE * gap.noise_floor.sum():
         is_as_it_was |= bool(closed.sum() < EXPLAINED_OF_ALL * reducible.sum())
     left = np.minimum(gap.effects / np.maximum(gap.parameters, 1e-300), 1.0) ** 2
-    found, unmet = [], dict[int, Unclaimed]()
+    found, without = [], set[int]()
     for item in accepted:
         joint = item.candidate.family.joint
         seems = item.named and item.share > EXPLAINED and not item.candidate.is_event
         if seems and joint is not None and is_as_it_was[joint]:
             item = replace(item, named=False)
-            unmet[joint] = Unclaimed(joint, NOTHING, float(left[joint]))
+            without.add(joint)
         found.append(item)
     # A push there was found in what such an effect had left.
-    is_rest = [item.candidate.is_event and item.candidate.family.joint in unmet for item in found]
+    is_rest = [item.candidate.is_event and item.candidate.family.joint in without for item in found]
     kept = tuple(
         replace(item, named=item.named and not rest) for item, rest in zip(found, is_rest, strict=True)
     )
-    return kept, tuple(unmet.values())
+    unmet = [joint for joint in sorted(without) if gap.effects[joint] > LEAST_UNMET * torque[joint]]
+    return kept, tuple(Unclaimed(joint, NOTHING, float(left[joint])) for joint in unmet)

@@ -189,6 +189,18 @@ def test_what_healthy_robots_have_differs_from_effect_to_effect(tmp_path, name, 
     assert is_beyond_healthy(arm, torque, own, faulty * mild * first)
 
 
+@pytest.mark.parametrize(("moved", "expected"), [(0.009, False), (0.015, True)])
+def test_friction_that_differs_by_direction_is_little_where_all_friction_is(tmp_path, moved, expected):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    own = next(c for c in candidates(prepared, only=["asymmetric_friction"]) if c.family.joint == 0)
+    speed = np.sqrt(np.mean(prepared.runs[0].logged.dq[:, 0] ** 2))
+    # A joint that carries far more than it rubs: a tenth of its viscous friction is next to nothing.
+    difference = scale_of("viscous", arm, 0) / 10
+    torque = np.full(arm.joints, difference * speed / moved)
+    assert is_beyond_healthy(arm, torque, own, np.array([0.0, difference])) == expected
+
+
 @pytest.mark.parametrize(
     ("name", "shape", "amount", "share", "expected"),
     [

@@ -184,26 +184,31 @@ def test_what_all_runs_together_make_no_larger_than_a_healthy_joints_has_no_name
 
 
 @pytest.mark.parametrize(
-    ("after", "elsewhere", "fitted", "floor", "holds"),
+    ("after", "elsewhere", "fitted", "floor", "torque", "holds", "unknown"),
     [
-        (9.9, 1.0, 5.0, 1.0, False),
-        (5.0, 1.0, 5.0, 1.0, True),
+        (9.9, 1.0, 5.0, 1.0, 50.0, False, [1]),
+        (5.0, 1.0, 5.0, 1.0, 50.0, True, []),
         # Each run tells something else.
-        (9.9, 1.0, 2.0, 1.0, True),
-        (9.9, 1.0, 5.0, 4.0, True),
+        (9.9, 1.0, 2.0, 1.0, 50.0, True, []),
+        (9.9, 1.0, 5.0, 4.0, 50.0, True, []),
         # Of all that the joints leave, this is next to nothing.
-        (9.0, 9.9, 2.0, 1.0, False),
+        (9.0, 9.9, 2.0, 1.0, 50.0, False, [1]),
+        # And of the joint's torque this is.
+        (9.9, 1.0, 5.0, 1.0, 1000.0, False, []),
     ],
 )
-def test_a_name_that_leaves_the_gap_as_it_was_does_not_hold(prepared, after, elsewhere, fitted, floor, holds):
+def test_a_name_that_leaves_the_gap_as_it_was_does_not_hold(
+    prepared, after, elsewhere, fitted, floor, torque, holds, unknown
+):
     cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
     stages = ((12.0, 12.0), (10.0, 10.0), (elsewhere, after), (1.0, floor))
     push = replace(cable, family=replace(cable.family, effect="external_contact"))
     item, left = _accepted(cable), replace(_accepted(push), share=0.0)
-    found, unmet = names_that_hold([item, left], Gap(*map(np.array, stages)), np.array([1.0, fitted]))
+    gap, scale = Gap(*map(np.array, stages)), np.array([50.0, torque])
+    found, unmet = names_that_hold([item, left], gap, np.array([1.0, fitted]), scale)
     # A push of that joint would be what it leaves.
     assert [each.named for each in found] == [holds, holds]
-    assert [each.joint for each in unmet] == ([] if holds else [1])
+    assert [each.joint for each in unmet] == unknown
 
 
 @pytest.mark.parametrize(
