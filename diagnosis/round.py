@@ -221,5 +221,5 @@ class Search:
 
 
 def _is_likelier_there(one: Weighed, other: Weighed) -> bool:
-    """Whether both are at the same joint, and the one explains more."""
-    return one.candidate.family.joint == other.candidate.family.joint and one.score > other.score
+    """Whether both are at the same joint, and the other explains no more than a part of what the one does."""
+    return one.candidate.family.joint == other.candidate.family.joint and other.score < AS_MUCH * one.score

@@ -8,7 +8,7 @@ from diagnosis.bank import Bank
 from diagnosis.candidates import candidates
 from diagnosis.evidence import Fit
 from diagnosis.ground import ground
-from diagnosis.likelihood import weigh
+from diagnosis.likelihood import Weighed, weigh
 from diagnosis.preparation import prepare
 from diagnosis.round import Found, Search
 from diagnosis.weighing import Stage
@@ -85,3 +85,22 @@ def test_a_trace_of_one_error_of_an_encoder_is_held_against_its_other(tmp_path, 
     monkeypatch.setattr("diagnosis.round.choose", chosen)
     assert Search(stage, arm, [], ())._trace(stage, weighed) is None
     assert set(listed) == {"encoder_offset", "encoder_eccentricity"}
+
+
+@pytest.mark.parametrize(("limit", "expected"), [(80.0, "torque_saturation"), (60.0, "external_contact")])
+def test_a_push_is_one_where_a_limit_of_its_drive_explains_far_less(tmp_path, monkeypatch, limit, expected):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
+    stage = Stage.of(ground(prepared), [])
+    own = weigh(stage, Bank(stage.ground, candidates(prepared, only=["asymmetric_friction"])))[0]
+
+    def seen_as(name, score):
+        made = replace(own.gain.candidate, family=replace(own.gain.candidate.family, effect=name))
+        return Weighed(replace(own.gain, candidate=made), score)
+
+    pushed = Found(seen_as("external_contact", 100.0), (), stage.with_effects([own.candidate]))
+    monkeypatch.setattr(Search, "push", lambda *_: pushed)
+    monkeypatch.setattr("diagnosis.round.saturation", lambda *_: seen_as("torque_saturation", limit))
+    found = Search(stage, arm, [], ()).round(stage, [], Bank(stage.ground, []))
+    assert found is not None
+    assert found.best.candidate.family.effect == expected
