@@ -125,7 +125,7 @@ def term_torque(term: Term, logged: Logged) -> Array:
     Raises InputError for shapes that the effect has not got, as those of another version.
     """
     family = effect(term.effect).signature([logged], term.joint, term.into)
-    shapes = [sorted(each.shape) for each in family.members]
+    shapes = [sorted(each.shape) for each in family.of_all_laws]
     if shapes and sorted(term.shape) not in shapes:
         expected = f"the shapes {' or '.join(dict.fromkeys(', '.join(each) or 'none' for each in shapes))}"
         raise InputError(

@@ -159,6 +159,11 @@ class Family:
     picked_from: int = 0
     richer: Callable[[Member], tuple[Member, ...]] | None = None
 
+    @property
+    def of_all_laws(self) -> tuple[Member, ...]:
+        """Its members, and those by the laws that the first one's is a part of."""
+        return (*self.members, *(self.richer(self.members[0]) if self.richer and self.members else ()))
+
     def at(self, shape: Mapping[str, float]) -> Member | None:
         """The member of that shape, or None where these runs have none."""
         if self.member is not None and shape:

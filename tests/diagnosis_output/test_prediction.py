@@ -76,12 +76,13 @@ def test_every_effect_of_the_catalogue_can_be_predicted(
     joint, into = (None, None) if scope is Scope.ROBOT else (joint, 2 if scope is Scope.PAIR else None)
     run = runs["run_3"]
     logged = logged_motion(corrected_model(answer), run)
-    members = effects()[name].signature([logged], joint, into).members
+    members = effects()[name].signature([logged], joint, into).of_all_laws
     # A contact shows in no torque of the model; where it recurs, its shape says when.
     assert bool(members) == (name != "external_contact")
-    shape = dict(members[0].shape) if members else {"kind": 2.0, "stretch": 1.0, "first": 0.5, "last": 1.0}
-    size = members[0].count if members else 2
-    torque = term_torque(Term(name, joint, into, shape, np.ones(size)), logged)
-    assert torque.shape == run.position.shape
-    assert np.isfinite(torque).all()
-    assert np.any(torque != 0)
+    pushed = {"kind": 2.0, "stretch": 1.0, "first": 0.5, "last": 1.0}
+    of_each = {each.law: (dict(each.shape), each.count) for each in members} or {None: (pushed, 2)}
+    for shape, size in of_each.values():
+        torque = term_torque(Term(name, joint, into, shape, np.ones(size)), logged)
+        assert torque.shape == run.position.shape
+        assert np.isfinite(torque).all()
+        assert np.any(torque != 0)
