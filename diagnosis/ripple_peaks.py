@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Family, Member
 from testbench.effects.transmission_ripple import highest_cycles, peaks_of, ripples
 
+from .accepted import SLOWEST_RIPPLE
 from .candidates import Candidate, candidate
 from .evidence import Fit, squares
 from .healthy import RIPPLE
@@ -32,7 +33,9 @@ def ripple_candidates(first: Stage, stage: Stage, catalogue: Sequence[Candidate]
     for joint in np.flatnonzero(left < OTHERS).tolist():
         if joint in sought:
             family = _family(stage.hypothesis, stage.fitted, joint)
-            found += [candidate(stage.prepared, family, member) for member in family.members]
+            # What is slower is what any misfit looks like.
+            quick = [each for each in family.members if each.shape["cycles"] > SLOWEST_RIPPLE]
+            found += [candidate(stage.prepared, family, member) for member in quick]
     return found
 
 

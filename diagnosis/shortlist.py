@@ -215,17 +215,31 @@ def _cable(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     family, hardens = found.candidate.family, found.candidate.member.law == HARDENING
     others = {each.law for each in family.members} - {HARDENING}
     lines = _best_of(robot, stage, family, others) if hardens else [found]
-    hoses = [found] if hardens else _best_of(robot, stage, family, {HARDENING})
-    if not hoses or not lines:
+    if not lines:
         return found
-    (line,), (hose,) = lines, hoses
-    if hose.score < line.score:
+    (line,) = lines
+    hoses = [found] if hardens else _best_of(robot, stage, family, {HARDENING})
+    hose = max([*hoses, *_hardly_hardening(robot, stage, line)], key=lambda each: each.score, default=line)
+    if hose.score <= line.score:
         return line
     # Where it rests has several likeliest places.
     members = [candidate(stage.prepared, family, each) for each in family.members if each.law == HARDENING]
     starts = [each for member in members for each in weigh(stage, Bank(stage.ground, [member]))]
     hose = max([hose, *(refined(robot, stage, each) for each in starts)], key=lambda each: each.score)
     return _surely(stage, refined(robot, stage, hose, MORE_TRIED), line)
+
+
+def _hardly_hardening(robot: Robot, stage: Stage, line: Weighed) -> list[Weighed]:
+    """The cable that rests where the line does and hardens as little as any, refined, if it shows at all."""
+    family, (stiffness, offset) = line.candidate.family, line.gain.coefficients
+    assert family.member is not None
+    rest = float(np.clip(-offset / stiffness, *family.refine["rest"])) if stiffness > 0 else 0.0
+    gain = stage.gain(
+        candidate(
+            stage.prepared, family, family.member({"rest": rest, "doubling": family.refine["doubling"][1]})
+        )
+    )
+    return [] if gain is None else [refined(robot, stage, Weighed(gain, gained(stage, gain)), MORE_TRIED)]
 
 
 def _richer(robot: Robot, stage: Stage, found: Weighed) -> Weighed:

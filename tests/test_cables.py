@@ -26,3 +26,13 @@ def test_a_cable_is_told_with_the_law_by_which_it_pulls(arm, law):
             "yields": pytest.approx(YIELDS, rel=0.2),
         }
         assert np.all(found.gap.effects < 1.1 * found.gap.noise_floor)
+
+
+def test_a_cable_that_hardly_hardens_is_told_as_one(arm):
+    text = "cable_spring:elbow:stiffness=3,rest=0.1,doubling=2.5,law=hardening"
+    found = diagnose(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3))
+    (cable,) = found.effects
+    assert (cable.effect, cable.joint, cable.law) == ("cable_spring", 1, "hardening")
+    for name, wanted in (("stiffness", 3.0), ("rest", 0.1), ("doubling", 2.5)):
+        told = cable.parameters[name]
+        assert abs(told.value - wanted) < 4 * told.std, name

@@ -2,6 +2,7 @@
 
 import pytest
 
+from diagnosis.accepted import SLOWEST_RIPPLE
 from diagnosis.candidates import candidates
 from diagnosis.diagnose import diagnose
 from diagnosis.ground import ground
@@ -65,4 +66,5 @@ def test_ripples_are_picked_anew_once_a_far_larger_effect_is_known(arm):
     )
     assert before > 1.0
     assert after < 0.25
+    assert min(each.member.shape["cycles"] for each in anew) > SLOWEST_RIPPLE
     assert ripple_candidates(first, first, catalogue) == []
