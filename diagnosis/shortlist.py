@@ -35,8 +35,8 @@ ITS_OWN = 0.6, 1.6
 # Another law of a play, a spring or bristles is tried where one explains this share of the most: it may do as
 # much.
 WORTH_A_LAW = 0.8
-# Log-posterior of all runs together, less its price, by which a cable surely hardens, or a wave has a second
-# harmonic: first moments take up much of any, and bent parameters foretell left-out runs by chance.
+# Log-posterior of all runs together, less its price, by which a cable surely hardens, or a wave is more than
+# one: first moments take up much of any, and bent parameters foretell left-out runs by chance.
 SURELY = 10.0
 # Log-posterior of all runs together that outweighs any that runs left out lose.
 EVIDENCE_AGAINST_RUNS = 30.0

@@ -21,7 +21,7 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import HARMONICS, Family, Logged, Member, Quantity, wave_parameters
+from .signature import Family, Logged, Member, Quantity, wave_parameters
 
 Array = NDArray[np.float64]
 
@@ -47,6 +47,9 @@ DESCRIPTION = EffectDescription(
     hinges_only=True,
     of_friction=True,
 )
+
+# Shape of one that has two: how many.
+HARMONICS = "harmonics"
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:

@@ -26,9 +26,6 @@ from .logged import Logged as Logged
 
 Array = NDArray[np.float64]
 
-# Shape of a wave that has more harmonics than one: how many.
-HARMONICS = "harmonics"
-
 
 @dataclass(frozen=True)
 class Quantity:
@@ -265,7 +262,7 @@ def amplitude_and_phase(cosine: float, sine: float, covariance: Array) -> tuple[
 
 
 def wave_parameters(c: Array, covariance: Array, unit: str) -> dict[str, Quantity]:
-    """Amplitude and phase of a wave, and of its second harmonic where it has one.
+    """Amplitude and phase of a wave, and of a second one where there is one.
 
     c: (2,) or (4,) cosine and sine of each, as of ``amplitude_and_phase``.
     """
