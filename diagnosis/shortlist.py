@@ -230,16 +230,13 @@ def _cable(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
 
 
 def _hardly_hardening(robot: Robot, stage: Stage, line: Weighed) -> list[Weighed]:
-    """The cable that rests where the line does and hardens as little as any, refined, if it shows at all."""
+    """The cable that hardens as little as any from where the line rests, refined, where that is likelier."""
     family, (stiffness, offset) = line.candidate.family, line.gain.coefficients
     assert family.member is not None
     rest = float(np.clip(-offset / stiffness, *family.refine["rest"])) if stiffness > 0 else 0.0
-    gain = stage.gain(
-        candidate(
-            stage.prepared, family, family.member({"rest": rest, "doubling": family.refine["doubling"][1]})
-        )
-    )
-    return [] if gain is None else [refined(robot, stage, Weighed(gain, gained(stage, gain)), MORE_TRIED)]
+    hose = family.member({"rest": rest, "doubling": family.refine["doubling"][1]})
+    likeliest = _likeliest_of(stage, family, [hose])
+    return [refined(robot, stage, each, MORE_TRIED) for each in likeliest if each.score > line.score]
 
 
 def _richer(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
@@ -249,11 +246,16 @@ def _richer(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     members = family.richer(found.candidate.member)
     if family.effect == RIPPLE:
         members += second_waves(*stage.compared(found.candidate))
-    tried = []
-    for gain in filter(None, (stage.gain(candidate(stage.prepared, family, each)) for each in members)):
-        if is_plausible(robot, gain.candidate, gain.coefficients):
-            tried.append(refined(robot, stage, Weighed(gain, gained(stage, gain)), MORE_TRIED))
+    of_laws = ([each for each in members if each.law == law] for law in {each.law: None for each in members})
+    likeliest = [each for own in of_laws for each in _likeliest_of(stage, family, own)]
+    met = [each for each in likeliest if is_plausible(robot, each.candidate, each.gain.coefficients)]
+    tried = [refined(robot, stage, each, MORE_TRIED) for each in met]
     return _surely(stage, max(tried, key=lambda each: each.score), found) if tried else found
+
+
+def _likeliest_of(stage: Stage, family: Family, members: Sequence[Member]) -> list[Weighed]:
+    """The likeliest of some members of a family; nothing where none shows."""
+    return weigh(stage, Bank(stage.ground, [candidate(stage.prepared, family, each) for each in members]))
 
 
 def _surely(stage: Stage, other: Weighed, plain: Weighed) -> Weighed:
@@ -269,8 +271,8 @@ def _best_of(
     robot: Robot, stage: Stage, family: Family, laws: Set[str | None], tried: int = TRIED
 ) -> list[Weighed]:
     """The family's best member by these laws, refined; nothing where none of them shows."""
-    members = [candidate(stage.prepared, family, each) for each in family.members if each.law in laws]
-    return [refined(robot, stage, each, tried) for each in weigh(stage, Bank(stage.ground, members))]
+    members = [each for each in family.members if each.law in laws]
+    return [refined(robot, stage, each, tried) for each in _likeliest_of(stage, family, members)]
 
 
 def refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -> Weighed:
