@@ -249,7 +249,7 @@ def _richer(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     of_laws = ([each for each in members if each.law == law] for law in {each.law: None for each in members})
     likeliest = [each for own in of_laws for each in _likeliest_of(stage, family, own)]
     met = [each for each in likeliest if is_plausible(robot, each.candidate, each.gain.coefficients)]
-    tried = [refined(robot, stage, each, MORE_TRIED) for each in met]
+    tried = [refined(robot, stage, each, TRIED * len(searched_for(each.candidate))) for each in met]
     return _surely(stage, max(tried, key=lambda each: each.score), found) if tried else found
 
 
