@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Member
 from testbench.robot import Robot
 
-from .bank import Bank
 from .candidates import Candidate, candidate
 from .deviations import covariance_with_shapes
 from .evidence import Fit, fit, fitted_to
 from .ground import ground
 from .healthy import WARMING, is_plausible
 from .hypothesis import DELAY, Design, design
-from .likelihood import weigh
+from .likelihood import likeliest_of
 from .shape_search import ranges, search, searched_for, share_of
 from .weighing import Stage
 
@@ -89,8 +88,7 @@ def _by_another_way(robot: Robot, stage: Stage, each: Candidate, most: float) ->
     """
     if each.family.effect != WARMING:
         return each, most
-    members = [candidate(stage.prepared, each.family, member) for member in each.family.members]
-    for likely in weigh(stage, Bank(stage.ground, members)):
+    for likely in likeliest_of(stage, each.family, each.family.members):
         exact = stage.exactly(likely.candidate)
         if exact is not None and exact[0] > most and is_plausible(robot, likely.candidate, exact[1]):
             return likely.candidate, exact[0]

@@ -17,8 +17,10 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from testbench.effects.signature import Family, Member
+
 from .bank import Bank
-from .candidates import Candidate, Place
+from .candidates import Candidate, Place, candidate
 from .evidence import Fit, squares
 from .hypothesis import Design, log_prior
 from .weighing import Gain, Stage
@@ -116,6 +118,11 @@ def weigh(stage: Stage, *banks: Bank, allowed: Callable[[Gain], bool] = lambda g
         if place not in families or _likeliness(weighed) > _likeliness(families[place]):
             families[place] = weighed
     return sorted(families.values(), key=lambda w: -w.score)
+
+
+def likeliest_of(stage: Stage, family: Family, members: Sequence[Member]) -> list[Weighed]:
+    """The likeliest of some members of a family; nothing where none shows."""
+    return weigh(stage, Bank(stage.ground, [candidate(stage.prepared, family, each) for each in members]))
 
 
 def _likeliness(weighed: Weighed) -> float:

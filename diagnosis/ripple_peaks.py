@@ -1,11 +1,9 @@
 """Ripples of what a hypothesis leaves: where another effect left far more, none of theirs were the peaks."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
-from testbench.effects.signature import Family, Member
+from testbench.effects.signature import Member
 from testbench.effects.transmission_ripple import highest_cycles, peaks_of, ripples
 
 from .accepted import SLOWEST_RIPPLE
@@ -21,21 +19,19 @@ Array = NDArray[np.float64]
 OTHERS = 0.5
 
 
-def ripple_candidates(first: Stage, stage: Stage, catalogue: Sequence[Candidate]) -> list[Candidate]:
+def ripple_candidates(first: Stage, stage: Stage) -> list[Candidate]:
     """Ripples at the peaks of what is left, of the joints at which effects took much away.
 
-    first: re-identification alone, whose peaks those of the catalogue are. catalogue: all that is sought.
+    first: re-identification alone, whose peaks those of the catalogue are.
     """
     left = squares(stage.fitted.residual) / np.maximum(squares(first.fitted.residual), 1e-300)
-    taken = stage.hypothesis.joints_with(RIPPLE)
-    sought = {each.family.joint for each in catalogue if each.family.effect == RIPPLE} - set(taken)
-    found = []
-    for joint in np.flatnonzero(left < OTHERS).tolist():
-        if joint in sought:
-            family = _family(stage.hypothesis, stage.fitted, joint)
-            # What is slower is what any misfit looks like.
-            quick = [each for each in family.members if each.shape["cycles"] > SLOWEST_RIPPLE]
-            found += [candidate(stage.prepared, family, member) for member in quick]
+    others = set(np.flatnonzero(left < OTHERS).tolist()) - stage.hypothesis.joints_with(RIPPLE)
+    logged, found = [run.logged for run in stage.prepared.runs], []
+    for joint in sorted(others):
+        family = ripples(logged, joint, *_peaks(stage.hypothesis, stage.fitted, joint))
+        # What is slower is what any misfit looks like.
+        quick = [each for each in family.members if each.shape["cycles"] > SLOWEST_RIPPLE]
+        found += [candidate(stage.prepared, family, member) for member in quick]
     return found
 
 
@@ -45,16 +41,15 @@ def second_waves(hypothesis: Design, fitted: Fit) -> tuple[Member, ...]:
     make, joint = ripple.family.member, ripple.family.joint
     assert make is not None
     assert joint is not None
-    others = _family(hypothesis, fitted, joint).members
-    return tuple(make({**ripple.member.shape, "second_cycles": each.shape["cycles"]}) for each in others)
+    peaks, _ = _peaks(hypothesis, fitted, joint)
+    return tuple(make({**ripple.member.shape, "second_cycles": cycles}) for cycles in peaks)
 
 
-def _family(hypothesis: Design, fitted: Fit, joint: int) -> Family:
-    """The ripples of a joint at the peaks of what a hypothesis leaves."""
+def _peaks(hypothesis: Design, fitted: Fit, joint: int) -> tuple[Array, float]:
+    """``peaks_of`` what a hypothesis leaves of a joint."""
     runs, chosen = hypothesis.prepared.runs, [used[:, joint] for used in hypothesis.used]
     angles, speeds, left = (
         [signal[use, joint] for signal, use in zip(signals, chosen, strict=True)]
         for signals in ([run.q for run in runs], [run.dq for run in runs], fitted.residual)
     )
-    peaks, resolution = peaks_of(angles, speeds, left, highest_cycles(hypothesis.prepared.robot.chain, joint))
-    return ripples([run.logged for run in runs], joint, peaks, resolution)
+    return peaks_of(angles, speeds, left, highest_cycles(hypothesis.prepared.robot.chain, joint))

@@ -14,7 +14,7 @@ from .bank import Bank
 from .candidates import EVENT, SATURATION
 from .contact import contact, explains_all_bursts, is_in_bursts_at_several
 from .evidence import Fit
-from .healthy import ELASTIC, is_beyond_healthy, is_plausible
+from .healthy import ELASTIC, RIPPLE, is_beyond_healthy, is_plausible
 from .hypothesis import DELAY, Design
 from .likelihood import Weighed, gained_by_shift, weigh
 from .linearisation import bends_parameters
@@ -107,7 +107,8 @@ class Search:
             law = gain.candidate.member.law
             return law is None or is_plausible(self.sized, gain.candidate, gain.coefficients)
 
-        anew = Bank(stage.ground, ripple_candidates(self.first, stage, proposals.candidates))
+        ripples = [] if RIPPLE in self.without else ripple_candidates(self.first, stage)
+        anew = Bank(stage.ground, ripples)
         return [
             w
             for w in weigh(stage, proposals, anew, allowed=allowed)

@@ -13,10 +13,10 @@ from .bank import Bank
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
 from .evidence import Fit
-from .healthy import BRISTLES, CABLE, ELASTIC, RIPPLE, SPRINGS, is_plausible
+from .healthy import BRISTLES, CABLE, ELASTIC, RIPPLE, SPRINGS, is_plausible, quantities
 from .hypothesis import DELAY, Design
 from .likeliest_shapes import at_likeliest_shape, is_searched
-from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price, weigh
+from .likelihood import Weighed, gained, likeliest_of, log_likelihood, log_posterior, odds, price
 from .linearisation import TRANSMISSIONS, bends_parameters, linearised_anew
 from .materiality import OF_ENCODER
 from .ripple_peaks import second_waves
@@ -223,19 +223,20 @@ def _cable(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     if hose.score <= line.score:
         return line
     # Where it rests has several likeliest places.
-    members = [candidate(stage.prepared, family, each) for each in family.members if each.law == HARDENING]
-    starts = [each for member in members for each in weigh(stage, Bank(stage.ground, [member]))]
+    members = [each for each in family.members if each.law == HARDENING]
+    starts = [each for member in members for each in likeliest_of(stage, family, [member])]
     hose = max([hose, *(refined(robot, stage, each) for each in starts)], key=lambda each: each.score)
     return _surely(stage, refined(robot, stage, hose, MORE_TRIED), line)
 
 
 def _hardly_hardening(robot: Robot, stage: Stage, line: Weighed) -> list[Weighed]:
     """The cable that hardens as little as any from where the line rests, refined, where that is likelier."""
-    family, (stiffness, offset) = line.candidate.family, line.gain.coefficients
+    family = line.candidate.family
     assert family.member is not None
-    rest = float(np.clip(-offset / stiffness, *family.refine["rest"])) if stiffness > 0 else 0.0
-    hose = family.member({"rest": rest, "doubling": family.refine["doubling"][1]})
-    likeliest = _likeliest_of(stage, family, [hose])
+    rest = quantities(line.candidate, line.gain.coefficients)["rest"].value
+    within = float(np.clip(rest, *family.refine["rest"]))
+    hose = family.member({"rest": within, "doubling": family.refine["doubling"][1]})
+    likeliest = likeliest_of(stage, family, [hose])
     return [refined(robot, stage, each, MORE_TRIED) for each in likeliest if each.score > line.score]
 
 
@@ -246,16 +247,12 @@ def _richer(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     members = family.richer(found.candidate.member)
     if family.effect == RIPPLE:
         members += second_waves(*stage.compared(found.candidate))
-    of_laws = ([each for each in members if each.law == law] for law in {each.law: None for each in members})
-    likeliest = [each for own in of_laws for each in _likeliest_of(stage, family, own)]
+    laws = dict.fromkeys(each.law for each in members)
+    of_laws = ([each for each in members if each.law == law] for law in laws)
+    likeliest = [each for own in of_laws for each in likeliest_of(stage, family, own)]
     met = [each for each in likeliest if is_plausible(robot, each.candidate, each.gain.coefficients)]
     tried = [refined(robot, stage, each, TRIED * len(searched_for(each.candidate))) for each in met]
     return _surely(stage, max(tried, key=lambda each: each.score), found) if tried else found
-
-
-def _likeliest_of(stage: Stage, family: Family, members: Sequence[Member]) -> list[Weighed]:
-    """The likeliest of some members of a family; nothing where none shows."""
-    return weigh(stage, Bank(stage.ground, [candidate(stage.prepared, family, each) for each in members]))
 
 
 def _surely(stage: Stage, other: Weighed, plain: Weighed) -> Weighed:
@@ -272,7 +269,7 @@ def _best_of(
 ) -> list[Weighed]:
     """The family's best member by these laws, refined; nothing where none of them shows."""
     members = [each for each in family.members if each.law in laws]
-    return [refined(robot, stage, each, tried) for each in _likeliest_of(stage, family, members)]
+    return [refined(robot, stage, each, tried) for each in likeliest_of(stage, family, members)]
 
 
 def refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) -> Weighed:

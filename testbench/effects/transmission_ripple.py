@@ -24,14 +24,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .passive_device import passive_device
-from .signature import (
-    Family,
-    Logged,
-    Member,
-    Quantity,
-    single_joint,
-    wave_parameters,
-)
+from .signature import Family, Logged, Member, Quantity, single_joint, wave_parameters
 
 Array = NDArray[np.float64]
 
