@@ -1,6 +1,6 @@
 """A push of the surroundings: short bursts in what is left, which no function of the state explains."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Sequence, Set
 from dataclasses import replace
 from functools import partial
 
@@ -45,11 +45,14 @@ LARGEST_LOAD = 3.0
 SMALLEST_GAIN = 7.5
 # What by the weights of the hypothesis before gains less than this share of the most is not fitted in full.
 WORTH_A_FIT = 0.5
+# No push has a profile of ours to better than a tenth of its torque: what is left of it tells no link.
+PROFILE = 0.1
+# Joints of whose bursts more than this share are at the same time bear the same push; by chance a tenth are.
+TOGETHER = 0.25
 # So many links from the last one on whose joint is seen to be loaded are considered.
 LINKS = 4
-# A push at random has no arm about a joint in between, to what can be seen, about once in ten: prior odds of
-# a link against the one before.
-FARTHER = 0.1
+# A push at random has no arm about a joint before its link, to what can be seen, about once in ten.
+NO_ARM = 0.1
 
 
 def contact(
@@ -70,12 +73,13 @@ def contact(
     # So is what bristles leave that were bent when a run began.
     if stage.hypothesis.joints_with(BRISTLES).issuperset(pushed):
         return None
-    # A force loads the joints before its link, though perhaps with no arm on the last, and none after it.
-    last = max(j for j in pushed if not bursts[j].isdisjoint(bursts[pushed[0]]))
+    # A force loads the joints before its link, though perhaps with no arm on the last; others may shake.
+    together = [j for j in pushed if _are_together(bursts[j], bursts[pushed[0]])]
+    last = together[-1]
     logged = _without_effects(stage)
     blocks = set().union(*(bursts[j] for j in pushed))
     events = [_with_bursts(stage, index, windows(run, pushed), blocks) for index, run in enumerate(logged)]
-    links = range(last, min(last + LINKS, stage.prepared.joints))
+    links = [*together, *range(last + 1, min(last + LINKS, stage.prepared.joints))]
     # A link at a time: all columns of all of them together would fill a memory.
     gains = [
         gain
@@ -85,6 +89,7 @@ def contact(
     before = squares(stage.fitted.residual)
     most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
     likeliest: dict[int, tuple[Weighed, tuple[Design, Fit]]] = {}
+    told: dict[int, float] = {}
     for gain in _worth_a_fit(gains):
         trial, link = stage.with_effects([gain.candidate]), gain.candidate.family.joint
         after = squares(trial[1].residual)
@@ -98,10 +103,13 @@ def contact(
             continue
         if link not in likeliest or weighed.score > likeliest[link][0].score:
             likeliest[link] = weighed, trial
+            of_profile = PROFILE**2 * np.maximum(1 - noise / np.maximum(before, 1e-300), 0.0)
+            told[link] = log_of_squares(stage.independent, left + of_profile) - gain.candidate.count
     scores = [weighed.score for weighed, _ in likeliest.values()]
     if max(scores, default=0.0) < SMALLEST_GAIN:
         return None
-    probability = odds(scores, max(scores)) * FARTHER ** (np.array(list(likeliest)) - last)
+    without_arm = [len(set(range(link + 1)).difference(together)) for link in likeliest]
+    probability = odds(list(told.values()), max(scores)) * NO_ARM ** np.array(without_arm)
     probability /= probability.sum()
     ordered = sorted(zip(probability.tolist(), likeliest.values(), strict=True), key=lambda each: -each[0])
     _, (first, trial) = ordered[0]
@@ -122,6 +130,11 @@ def explains_all_bursts(stage: Stage, pushed: Fit) -> bool:
     bursts, noise = _in_bursts(stage)
     explained = _explained(squares(stage.fitted.residual), squares(pushed.residual), noise)
     return bool(np.all(explained[list(bursts)] > SMALLEST_SHARE))
+
+
+def _are_together(one: Set[tuple[int, int]], other: Set[tuple[int, int]]) -> bool:
+    """Whether bursts of two joints are of one push."""
+    return len(one & other) > TOGETHER * min(len(one), len(other))
 
 
 def _explained(before: Array, after: Array, noise: Array) -> Array:

@@ -121,6 +121,37 @@ def test_a_shock_that_the_filter_does_not_resolve_is_no_push(tmp_path):
     assert contact(stage, Bank(stage.ground, generic_candidates(prepared))) is None
 
 
+def test_a_push_is_of_the_link_whose_joint_it_loads_though_another_shakes_at_other_times(tmp_path):
+    arm = small_arm(tmp_path)
+    push = parse_injection(arm, PUSH.replace("elbow", "shoulder").replace("duration=0.6", "duration=1.5"))
+    runs = simulated_runs(arm, [], runs=3)
+    runs["run_2"] = simulated_runs(arm, [push], runs=3)["run_2"]
+    for name, starts in {"run_1": (500, 1400, 2400), "run_2": (1700, 3600)}.items():
+        torque = runs[name].torque.copy()
+        for start in starts:
+            torque[start : start + 100, 1] += 3.0
+        runs[name] = replace(runs[name], torque=torque)
+    prepared = prepare(arm, runs)
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    assert found is not None
+    assert found[0].candidate.family.joint == 0
+
+
+def test_a_profile_that_is_not_ours_tells_of_no_farther_link(tmp_path):
+    arm = small_arm(tmp_path)
+    runs = simulated_runs(arm, [], runs=3)
+    torque = runs["run_2"].torque.copy()
+    since = np.linspace(0.0, 1.0, 800)
+    torque[1500:2300, 0] += 8.0 * np.clip(np.minimum(since, 1.0 - since) / 0.3, 0.0, 1.0)
+    runs["run_2"] = replace(runs["run_2"], torque=torque)
+    prepared = prepare(arm, runs)
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    assert found is not None
+    assert found[0].candidate.family.joint == 0
+
+
 @pytest.mark.parametrize(("limit", "expected"), [(20.0, True), (2.0, False), (np.inf, True)])
 def test_no_push_is_many_times_what_a_drive_withstands(pushed, limit, expected):
     limits = replace(pushed.robot.limits, torque=np.full(pushed.joints, limit))
