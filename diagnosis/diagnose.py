@@ -17,6 +17,7 @@ from .findings import LITTLE_CLOSED, Diagnosis, Gap, NamedEffect, RankedCandidat
 from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
+from .misleading import without_misleading
 from .naming import names_that_hold
 from .noise import noise
 from .preparation import Prepared, prepare
@@ -31,7 +32,9 @@ PARAMETERS_SHARE = 0.12
 PARAMETERS_TORQUE = 0.01
 # How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases
 # (docs/blind.md): of the first that is named, of the second, and of those after it.
-NAMED = (0.97, 0.94, 0.2)
+NAMED = (0.97, 0.94, 0.9)
+# What follows nothing is the verdict where no effect explains this share of it.
+FAR_LESS = 0.2
 # What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
 NEXT_TO_NOTHING = 0.005
 
@@ -44,10 +47,9 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     """
     found = attribute(prepare(robot, recordings), without)
     prepared = found.prepared
-    only, final = (
-        (each, on_whole_runs(each, fitted))
-        for each, fitted in (found.parameters_only, (found.hypothesis, found.fitted))
-    )
+    first, first_fitted = found.parameters_only
+    only = first, on_whole_runs(first, first_fitted)
+    found, final = without_misleading(found, only)
     gap = _gap(prepared, only, final)
     fitted_gap = _rms(final[1].residual, final[0])
     accepted, unmet = names_that_hold(found.accepted, gap, fitted_gap, _torque(found.prepared))
@@ -124,8 +126,9 @@ def _verdict(found: Attribution, gap: Gap) -> str:
 def _closes_more(found: Attribution) -> bool:
     """Whether some effect that is named explains more than what no effect does, each joint by its torque.
 
-    What follows nothing at all is told beside the effects, since no motion foretells it; but where half the
-    joints have it, what is named is a trace of it. A push leaves it where it acted otherwise than was fitted.
+    What follows nothing at all is told beside the effects, since no motion foretells it, unless it is far
+    more; but where half the joints have it, what is named is a trace of it. A push leaves it where it acted
+    otherwise than was fitted.
     """
     named = [item for item in found.accepted if item.named]
     nothing = {item.joint for item in found.unknown if item.regime == NOTHING}
@@ -133,7 +136,11 @@ def _closes_more(found: Attribution) -> bool:
     if not pushed and len(nothing) >= max(0.5 * found.prepared.joints, 2):
         return False
     before = _rms(found.parameters_only[1].held_out, found.parameters_only[0]) / _torque(found.prepared)
-    misfits = [item.share * before[item.joint] ** 2 for item in found.unknown if item.regime != NOTHING]
+    misfits = [
+        (FAR_LESS if item.regime == NOTHING else 1.0) * item.share * before[item.joint] ** 2
+        for item in found.unknown
+        if item.regime != NOTHING or not pushed
+    ]
     return max(item.worth for item in named) > max(misfits, default=0.0)
 
 

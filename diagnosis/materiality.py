@@ -120,8 +120,8 @@ def is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     """Whether it is told by its size, and that is certainly larger than a healthy robot's."""
     family, gain = weighed.candidate.family, weighed.gain
     if family.effect == DELAY:
-        # All torque is late, whatever it is called.
-        if abs(stage.timing) > LATE:
+        # All torque acts late, whatever it is called.
+        if stage.timing < -LATE:
             return True
         # What a delay and the timing of the log make of each other is a derivative, not a delay.
         if gained_by_shift(stage, gain) < 0:

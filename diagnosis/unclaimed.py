@@ -148,10 +148,13 @@ def _if_enough(first: Stage, last: Stage, joint: int, regime: str, more: float) 
 
 
 def _of_timing(last: Stage) -> Iterator[Unclaimed]:
-    """What a common delay explains that is longer than between the sampling of torque and of position."""
+    """What a common delay explains that is longer than between the sampling of torque and of position.
+
+    Torque that is logged late, through a filter, is the log's, not the robot's.
+    """
     hypothesis = last.hypothesis
     delayed = any(each.family.effect == DELAY for each in hypothesis.accepted)
-    if delayed or abs(last.timing) < LATE:
+    if delayed or last.timing > -LATE:
         return
     in_time = squares(
         fit(last.prepared, design(last.prepared, hypothesis.accepted, is_delayed=True)).held_out

@@ -9,12 +9,13 @@ from scipy.interpolate import CubicSpline
 
 from diagnosis.bank import Bank
 from diagnosis.candidates import FREE
+from diagnosis.diagnose import diagnose
 from diagnosis.evidence import fitted_to
 from diagnosis.generic import RUN_TIME, generic_candidates
 from diagnosis.ground import ground
 from diagnosis.likelihood import Weighed
 from diagnosis.preparation import prepare
-from diagnosis.unclaimed import NOTHING, unclaimed
+from diagnosis.unclaimed import NOTHING, TIMING, unclaimed
 from diagnosis.weighing import Stage
 from identification.parameters import ARMATURE
 from testbench.effects import parse_injection
@@ -46,15 +47,30 @@ def test_what_is_slow_and_large_is_unknown_though_every_joint_has_as_much(tmp_pa
 @pytest.mark.parametrize(("share", "expected"), [(0.026, True), (0.016, False)])
 def test_a_little_that_stands_out_far_and_is_slow_is_unknown(tmp_path, share, expected):
     arm = small_arm(tmp_path, SCARA)
-    runs, rng = simulated_runs(arm, [], runs=3), np.random.default_rng(1)
+    found, _ = _unclaimed(arm, _wandering(simulated_runs(arm, [], runs=3), share))
+    assert [(each.joint, each.regime) for each in found] == ([(1, NOTHING)] if expected else [])
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.06, "effect"), (0.12, "unknown")])
+def test_what_follows_nothing_is_the_verdict_where_it_is_far_more_than_what_has_a_name(
+    tmp_path, share, verdict
+):
+    arm = small_arm(tmp_path, SCARA)
+    ripple = parse_injection(arm, "transmission_ripple:turn:amplitude=1.5,cycles=9,phase=0.3")
+    found = diagnose(arm, _wandering(simulated_runs(arm, [ripple], runs=3), share))
+    assert found.verdict == verdict
+
+
+def _wandering(runs, share):
+    """Runs with so much of the second joint's torque beside it, slow, that nothing foretells."""
+    rng, found = np.random.default_rng(1), {}
     for name, run in runs.items():
         knots = np.arange(run.time[0], run.time[-1] + 0.2, 0.2)
         wandering = CubicSpline(knots, rng.normal(size=len(knots)))(run.time)
         torque = run.torque.copy()
         torque[:, 1] += share * np.std(torque[:, 1]) * wandering / np.std(wandering)
-        runs[name] = replace(run, torque=torque)
-    found, _ = _unclaimed(arm, runs)
-    assert [(each.joint, each.regime) for each in found] == ([(1, NOTHING)] if expected else [])
+        found[name] = replace(run, torque=torque)
+    return found
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.08, True), (0.02, False)])
@@ -69,6 +85,18 @@ def test_what_shakes_one_joint_now_and_then_far_more_than_noise_is_unknown(tmp_p
         runs[name] = replace(run, torque=torque)
     found, _ = _unclaimed(arm, runs)
     assert [(each.joint, each.regime) for each in found] == ([(1, NOTHING)] if expected else [])
+
+
+@pytest.mark.parametrize(("late", "expected"), [(-5, True), (5, False)])
+def test_torque_that_acts_late_is_unknown_and_what_is_logged_late_is_of_the_log(tmp_path, late, expected):
+    arm = small_arm(tmp_path)
+    runs = {name: measured_only(run) for name, run in simulated_runs(arm, [], runs=3).items()}
+    inside = slice(10, -10)
+    for name, run in runs.items():
+        torque = np.roll(run.torque, late, axis=0)[inside]
+        runs[name] = replace(run, time=run.time[inside], position=run.position[inside], torque=torque)
+    found, _ = _unclaimed(arm, runs)
+    assert (TIMING in [each.regime for each in found]) == expected
 
 
 def _bandpass(values, rate):
