@@ -21,10 +21,10 @@ ELASTIC, CABLE, GAIN = "joint_elasticity", "cable_spring", "torque_gain_error"
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
 HEALTHY: Mapping[str, float] = {
-    # By their first law springs that stiffen, and bristles that do not slip at first, are fitted two to three
-    # times too stiff.
+    # By their first law springs that stiffen are fitted two to three times too stiff.
     ELASTIC: 0.35,
-    "presliding_hysteresis": 0.3,
+    # So are bristles that do not slip at first, but any joint's may yield by a fifth of a milliradian.
+    "presliding_hysteresis": 0.4,
     "asymmetric_friction": 2.0,
     "stribeck_friction": 1.0,
     # Friction that is surely lost in warming up is more than any imperfection looks like.
@@ -96,11 +96,16 @@ MOST_BENT = 30.0
 # hundredth where the model has next to nothing last.
 PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.45, 0.01
 # An effect's size is its first parameter, or the largest of these.
-DIFFERENCE = "viscous_difference"
 SIZES: Mapping[str, tuple[str, ...]] = {
-    "asymmetric_friction": ("offset", DIFFERENCE),
+    "asymmetric_friction": ("offset", "viscous_difference"),
     "joint_coupling": ("viscous", "coulomb"),
     "base_tilt": ("roll", "pitch"),
+}
+# Where friction, or the load that it grows with, is little of the torque, a part of it is nothing. Of these
+# the column, and the share of the joint's torque that a mild one moves.
+LEAST_MOVED: Mapping[tuple[str, str], tuple[int, float]] = {
+    ("asymmetric_friction", "viscous_difference"): (1, LEAST_SIZE),
+    (OF_THE_LOAD, "coefficient"): (0, 0.011),
 }
 
 
@@ -192,10 +197,10 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
                 mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
             # A least size stands for the mild end of what grows.
             grows = True
-        if name == DIFFERENCE:
-            # Where friction is little of the torque, any direction's share of it is nothing.
+        if (family.effect, name) in LEAST_MOVED:
             assert family.joint is not None
-            mild = max(mild, LEAST_SIZE * float(torque_scale[family.joint]) / _speed(candidate))
+            column, least = LEAST_MOVED[family.effect, name]
+            mild = max(mild, least * float(torque_scale[family.joint]) / _moved_by_one(candidate, column))
         value = _number(values[name])
         if family.effect == CABLE:
             value *= _lever(robot, family.joint, values)
@@ -236,10 +241,10 @@ def _reached(candidate: Candidate) -> float:
     return min(float(np.expm1(-seconds / constant) / np.expm1(-seconds / longest)), 1.0)
 
 
-def _speed(candidate: Candidate) -> float:
-    """The joint's RMS speed in its runs, rad/s (m/s), of asymmetric friction: its second column is |v|."""
-    speeds = np.concatenate([column[:, 0, 1] for column in candidate.member.columns])
-    return max(float(np.sqrt(np.mean(speeds**2))), float(np.finfo(float).tiny))
+def _moved_by_one(candidate: Candidate, column: int) -> float:
+    """RMS torque, N·m (N), that one of a coefficient moves at the effect's joint."""
+    moved = np.concatenate([each[:, 0, column] for each in candidate.member.columns])
+    return max(float(np.sqrt(np.mean(moved**2))), float(np.finfo(float).tiny))
 
 
 def _number(quantity: Quantity) -> float:

@@ -105,6 +105,17 @@ def test_friction_that_differs_by_direction_is_little_where_all_friction_is(tmp_
     assert is_beyond_healthy(arm, torque, own, np.array([0.0, difference])) == expected
 
 
+@pytest.mark.parametrize(("moved", "expected"), [(0.006, False), (0.012, True)])
+def test_friction_by_load_is_little_where_the_load_is(tmp_path, moved, expected):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    own = next(c for c in candidates(prepared, only=["load_dependent_friction"]) if c.family.joint == 0)
+    load = np.sqrt(np.mean(prepared.runs[0].logged.load[:, 0] ** 2))
+    # More than any healthy gear loses of its load, of a joint that spends its torque otherwise.
+    torque = np.full(arm.joints, 0.1 * load / moved)
+    assert is_beyond_healthy(arm, torque, own, np.array([0.1])) == expected
+
+
 @pytest.mark.parametrize(
     ("name", "shape", "amount", "share", "expected"),
     [
