@@ -42,8 +42,9 @@ SMALLEST_SHARE, STANDING_OUT = 0.9, 2.0
 # Once is enough where the command runs away to this multiple of the limit and clipping explains all but this.
 RUNAWAY, RUNAWAY_LEFT = 1.5, 0.01
 SMALLEST_GAIN = 7.5
-# Seconds without clipping that part one time from the next.
-APART = 0.5
+# Seconds without clipping that part one time from the next; a time counts from this share of the largest on,
+# since the filter rings a little.
+APART, OF_LARGEST = 0.5, 0.02
 # Not worth a trial where the error does not even rise with what would be cut off.
 SMALLEST_SLOPE = 0.2
 REFINEMENTS = 12
@@ -193,7 +194,7 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
                 out = beyond[f]
                 before = left[out] ** 2
                 left = left - cut[f]
-                bouts += _bouts(stage, f, joint, out, before, left[out] ** 2)
+                bouts += _bouts(stage, f, joint, out, cut[f][out], before, left[out] ** 2)
                 elsewhere += float(np.sum(left[~out] ** 2))
             squares[j] += float(np.sum(left**2))
     kept = max(float(stage.counts[joint]) - count, 1.0)
@@ -204,8 +205,9 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     asked_for, clipped = np.array(bouts).T
     clips = clipped.sum() < (1 - SMALLEST_SHARE) * asked_for.sum()
     clips &= square / count > STANDING_OUT**2 * elsewhere / kept
-    # A push makes the torque large once; a drive clips again whenever as much is asked of it.
-    again = np.sum(clipped < (1 - SMALLEST_SHARE) * asked_for) > 1
+    # A push makes the torque large once; a drive clips again whenever as much is asked of it, either way.
+    explained = clipped < (1 - SMALLEST_SHARE) * asked_for
+    again = np.sum(explained & (asked_for > OF_LARGEST * asked_for.max())) > 1
     ran_away = limit.peak > RUNAWAY * limit.limit and clipped.sum() < RUNAWAY_LEFT * asked_for.sum()
     clips &= again or ran_away
     return _Trial(
@@ -225,12 +227,22 @@ def _of_what_is_left(matrix: Array, whole: Array) -> Array:
 
 
 def _bouts(
-    stage: Stage, fold: int, joint: int, beyond: NDArray[np.bool_], asked_for: Array, clipped: Array
+    stage: Stage,
+    fold: int,
+    joint: int,
+    beyond: NDArray[np.bool_],
+    cut: Array,
+    asked_for: Array,
+    clipped: Array,
 ) -> list[tuple[float, float]]:
-    """Squared error beyond the limit, as asked for and as clipped, for each time that it was passed."""
+    """Squared error beyond the limit, as asked for and as clipped, for each time that it was passed.
+
+    cut: what is cut off there; each way is a time of its own.
+    """
     run, _ = stage.ground.folds[fold]
     time = stage.prepared.runs[run].time[stage.ground.used[fold][joint]][beyond]
-    parts = np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > APART) + 1)
+    another = (np.diff(time) > APART) | (np.diff(np.sign(cut)) != 0)
+    parts = np.split(np.arange(len(time)), np.flatnonzero(another) + 1)
     return [(float(asked_for[part].sum()), float(clipped[part].sum())) for part in parts if len(part)]
 
 

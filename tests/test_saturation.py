@@ -14,7 +14,10 @@ from diagnosis.preparation import prepare
 from diagnosis.saturation import cuts, saturation
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
-from tests.diagnosed import simulated_runs
+from testbench.simulation import SimulationOptions, simulate
+from testbench.simulation.reference import Reference
+
+from .diagnosed import RATE, simulated_runs
 
 
 def _named(arm, runs):
@@ -70,6 +73,28 @@ def test_a_limit_is_found_that_a_command_running_away_leaps_over(arm):
     found = saturation(stage, Bank(stage.ground, generic_candidates(prepared, [])), [[], tried])
     assert found is not None
     assert least < quantities(found.candidate, np.ones(1))["limit"].value < most
+
+
+def test_a_limit_is_one_that_one_run_alone_passes_both_ways_in_quick_turn(arm):
+    time = np.arange(5000) / RATE
+    position = np.zeros((5000, arm.joints))
+    position[:, 1] = 0.25 * np.sin(np.pi * time / 5) ** 2 * np.sin(2 * np.pi * 2.5 * time)
+    velocity = np.gradient(position, 1 / RATE, axis=0)
+    swing = Reference(position, velocity, np.gradient(velocity, 1 / RATE, axis=0))
+    (swung,) = simulate(arm, [swing], SimulationOptions(physics_timestep=5e-4))
+    runs = simulated_runs(arm, [], runs=2)
+    limit = 1.05 * max(np.abs(run.torque[:, 1]).max() for run in runs.values())
+    torque = swung.torque.copy()
+    beyond = torque[:, 1] - np.clip(torque[:, 1], -limit, limit)
+    # What is reported is what was asked for, and the arm moved as by the limit.
+    torque[:, 1] += beyond
+    assert 0.05 < np.mean(beyond != 0) < 0.3
+    runs["swing"] = replace(swung, torque=torque, torque_command=None)
+    prepared = prepare(arm, runs)
+    stage = Stage.of(ground(prepared), [])
+    found = saturation(stage, Bank(stage.ground, generic_candidates(prepared, [])), cuts(prepared))
+    assert found is not None
+    assert found.candidate.family.joint == 1
 
 
 def test_a_push_is_no_limit(arm):
