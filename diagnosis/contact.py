@@ -1,7 +1,7 @@
 """A push of the surroundings: short bursts in what is left, which no function of the state explains."""
 
 from collections.abc import Collection, Sequence, Set
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -55,6 +55,23 @@ LINKS = 4
 NO_ARM = 0.1
 
 
+@dataclass(frozen=True)
+class _Push:
+    """A load on a link, and the hypothesis that has it, fitted in full.
+
+    of_link: log-likelihood, but for what no profile of ours explains, which tells no link from another.
+    """
+
+    weighed: Weighed
+    trial: tuple[Design, Fit]
+    of_link: float
+
+    @property
+    def score(self) -> float:
+        """What it adds to the log-likelihood, less the price of its coefficients."""
+        return self.weighed.score
+
+
 def contact(
     stage: Stage, free: Bank
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
@@ -86,34 +103,21 @@ def contact(
         for link in links
         for gain in _of_each_load(stage, in_parallel(stage.prepared, [partial(pushes, logged, link, events)]))
     ]
-    before = squares(stage.fitted.residual)
-    most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
-    likeliest: dict[int, tuple[Weighed, tuple[Design, Fit]]] = {}
-    told: dict[int, float] = {}
+    likeliest: dict[int, _Push] = {}
     for gain in _worth_a_fit(gains):
-        trial, link = stage.with_effects([gain.candidate]), gain.candidate.family.joint
-        after = squares(trial[1].residual)
-        left = after / np.maximum(before, 1e-300)
-        weighed = Weighed(gain, log_of_squares(stage.independent, left) - gain.candidate.count)
+        push, link = _fitted(stage, gain, noise, list(bursts)), gain.candidate.family.joint
         assert link is not None
-        explained = _explained(before, after, noise)[list(bursts)]
-        if explained.max() <= (SMALLEST_SHARE if np.sum(explained > SMALLEST_SHARE) > 1 else ALONE):
-            continue
-        if not _is_bearable(gain.candidate, trial[1].values[-gain.candidate.count :], most):
-            continue
-        if link not in likeliest or weighed.score > likeliest[link][0].score:
-            likeliest[link] = weighed, trial
-            of_profile = PROFILE**2 * np.maximum(1 - noise / np.maximum(before, 1e-300), 0.0)
-            told[link] = log_of_squares(stage.independent, left + of_profile) - gain.candidate.count
-    scores = [weighed.score for weighed, _ in likeliest.values()]
-    if max(scores, default=0.0) < SMALLEST_GAIN:
+        if push is not None and (link not in likeliest or push.score > likeliest[link].score):
+            likeliest[link] = push
+    best = max((push.score for push in likeliest.values()), default=0.0)
+    if best < SMALLEST_GAIN:
         return None
     without_arm = [len(set(range(link + 1)).difference(together)) for link in likeliest]
-    probability = odds(list(told.values()), max(scores)) * NO_ARM ** np.array(without_arm)
+    probability = odds([push.of_link for push in likeliest.values()], best) * NO_ARM ** np.array(without_arm)
     probability /= probability.sum()
     ordered = sorted(zip(probability.tolist(), likeliest.values(), strict=True), key=lambda each: -each[0])
-    _, (first, trial) = ordered[0]
-    return first, tuple((weighed, share) for share, (weighed, _) in ordered[1:]), trial
+    _, first = ordered[0]
+    return first.weighed, tuple((push.weighed, share) for share, push in ordered[1:]), first.trial
 
 
 def is_in_bursts_at_several(stage: Stage) -> bool:
@@ -135,6 +139,28 @@ def explains_all_bursts(stage: Stage, pushed: Fit) -> bool:
 def _are_together(one: Set[tuple[int, int]], other: Set[tuple[int, int]]) -> bool:
     """Whether bursts of two joints are of one push."""
     return len(one & other) > TOGETHER * min(len(one), len(other))
+
+
+def _fitted(stage: Stage, gain: Gain, noise: Array, bursts: Sequence[int]) -> _Push | None:
+    """A push fitted in full; None where it explains too little of the joints' bursts, or loads one too much.
+
+    noise: (n,) what of each joint's squared residual would be there without any burst.
+    """
+    before, trial = squares(stage.fitted.residual), stage.with_effects([gain.candidate])
+    after, price = squares(trial[1].residual), gain.candidate.count
+    explained = _explained(before, after, noise)[bursts]
+    if explained.max() <= (SMALLEST_SHARE if np.sum(explained > SMALLEST_SHARE) > 1 else ALONE):
+        return None
+    most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
+    if not _is_bearable(gain.candidate, trial[1].values[-price:], most):
+        return None
+    left, floor = (each / np.maximum(before, 1e-300) for each in (after, noise))
+    of_profile = PROFILE**2 * np.maximum(1 - floor, 0.0)
+    return _Push(
+        Weighed(gain, log_of_squares(stage.independent, left) - price),
+        trial,
+        log_of_squares(stage.independent, left + of_profile) - price,
+    )
 
 
 def _explained(before: Array, after: Array, noise: Array) -> Array:
