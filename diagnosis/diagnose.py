@@ -139,7 +139,7 @@ def _closes_more(found: Attribution) -> bool:
     misfits = [
         (FAR_LESS if item.regime == NOTHING else 1.0) * item.share * before[item.joint] ** 2
         for item in found.unknown
-        if item.regime != NOTHING or not pushed
+        if item.regime != NOTHING or not (pushed or item.has_lost_its_name)
     ]
     return max(item.worth for item in named) > max(misfits, default=0.0)
 

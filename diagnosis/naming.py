@@ -215,4 +215,6 @@ def names_that_hold(
         replace(item, named=item.named and not rest) for item, rest in zip(found, is_rest, strict=True)
     )
     unmet = [joint for joint in sorted(without) if gap.effects[joint] > LEAST_UNMET * torque[joint]]
-    return kept, tuple(Unclaimed(joint, NOTHING, float(left[joint])) for joint in unmet)
+    return kept, tuple(
+        Unclaimed(joint, NOTHING, float(left[joint]), has_lost_its_name=True) for joint in unmet
+    )

@@ -60,13 +60,15 @@ NOTHING, TIMING = "nothing that was tried", "rate of torque"
 class Unclaimed:
     """A joint's index, the regime in words, and the share of its gap that follows it.
 
-    frequency: Hz, where most of that shakes at one.
+    frequency: Hz, where most of that shakes at one. has_lost_its_name: whether an effect explains it by all
+    runs, and not on those left out.
     """
 
     joint: int
     regime: str
     share: float
     frequency: float | None = None
+    has_lost_its_name: bool = False
 
 
 def foretold_shares(stage: Stage, free: Bank) -> Array:

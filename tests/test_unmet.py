@@ -209,6 +209,7 @@ def test_a_name_that_leaves_the_gap_as_it_was_does_not_hold(
     # A push of that joint would be what it leaves.
     assert [each.named for each in found] == [holds, holds]
     assert [each.joint for each in unmet] == unknown
+    assert all(each.has_lost_its_name for each in unmet)
 
 
 @pytest.mark.parametrize(
