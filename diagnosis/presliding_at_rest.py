@@ -33,7 +33,7 @@ FEWEST_RESTS, SMALLEST = 6, 0.01
 # The share of the joint's Coulomb friction that they bear.
 LEVEL = 0.5, 1.5
 # And so many times as soft as a healthy joint's, which near rest are seen as well.
-SOFTER = 2.0
+SOFTER = 1.5
 # How far apart the displacements are that are tried first, and how well the likeliest is told from there.
 APART, TOLERANCE = 2.5, 0.05
 # Where this share of the other joints, three at least, gives way near rest at least this share as far, it is
