@@ -160,7 +160,7 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
     if len(kept := without_shaken(accepted, imitated)) < len(accepted):
         accepted = kept
         hypothesis, fitted = fitted_to(base.prepared, [a.candidate for a in accepted])
-    hidden = not_observable(sized, base.torque_rms, open_)
+    hidden = not_observable(sized, open_)
     hypothesis, fitted = at_likeliest_shapes(sized, hypothesis, fitted)
     accepted = as_fitted_at_last(sized, hypothesis, fitted, accepted)
     unmet = out_of_bounds(sized, hypothesis, fitted, accepted)

@@ -24,24 +24,21 @@ STRAIGHT = 0.2
 INVERSIONS, INVERTED = 20, 1e-9
 
 
-def not_observable(
-    robot: Robot, torque_scale: Array, weighed: Sequence[Weighed]
-) -> tuple[tuple[str, int | None], ...]:
+def not_observable(robot: Robot, weighed: Sequence[Weighed]) -> tuple[tuple[str, int | None], ...]:
     """(effect, joint) of what is below the noise of these runs at the severe end of its typical range.
 
-    weighed: the best member of every family that was not taken in, at the last stage. torque_scale: (n,)
-    N·m. Only effects whose size goes with their coefficients are judged: of the others a small one says
-    nothing about a severe one.
+    weighed: the best member of every family that was not taken in, at the last stage. Only effects whose size
+    goes with their coefficients are judged: of the others a small one says nothing about a severe one.
     """
     found = []
     for each in weighed:
-        coefficients = _severe(robot, torque_scale, each.candidate)
+        coefficients = _severe(robot, each.candidate)
         if coefficients is not None and coefficients @ each.gain.information @ coefficients < DETECTABLE:
             found.append((each.candidate.family.effect, each.candidate.family.joint))
     return tuple(found)
 
 
-def _severe(robot: Robot, torque_scale: Array, candidate: Candidate) -> Array | None:
+def _severe(robot: Robot, candidate: Candidate) -> Array | None:
     """Coefficients (k,) of the effect at the severe end; None where a size does not go with them."""
     family, member = candidate.family, candidate.member
     known = {p.name: p for p in effect(family.effect).DESCRIPTION.parameters}
@@ -50,6 +47,9 @@ def _severe(robot: Robot, torque_scale: Array, candidate: Candidate) -> Array | 
     if not 0 < mild < severe:
         return None
     unit = np.clip(np.ones(candidate.count), member.lower, member.upper)
+
+    # By its range alone, however much torque these runs need.
+    torque_scale = np.zeros(robot.joints)
 
     def sized(factor: float) -> float:
         return size(robot, torque_scale, candidate, factor * unit) * mild / severe
