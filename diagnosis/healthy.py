@@ -96,17 +96,14 @@ MOST_BENT = 30.0
 # hundredth where the model has next to nothing last.
 PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.45, 0.01
 # An effect's size is its first parameter, or the largest of these.
+DIFFERENCE = "viscous_difference"
 SIZES: Mapping[str, tuple[str, ...]] = {
-    "asymmetric_friction": ("offset", "viscous_difference"),
+    "asymmetric_friction": ("offset", DIFFERENCE),
     "joint_coupling": ("viscous", "coulomb"),
     "base_tilt": ("roll", "pitch"),
 }
-# Where friction, or the load that it grows with, is little of the torque, a part of it is nothing. Of these
-# the column, and the share of the joint's torque that a mild one moves.
-LEAST_MOVED: Mapping[tuple[str, str], tuple[int, float]] = {
-    ("asymmetric_friction", "viscous_difference"): (1, LEAST_SIZE),
-    (OF_THE_LOAD, "coefficient"): (0, 0.011),
-}
+# Where the load is little of a joint's torque, any share of it is next to nothing: below this share.
+LITTLE_OF_LOAD = 0.0085
 
 
 def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array, share: float) -> bool:
@@ -139,6 +136,15 @@ def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, c
     ):
         return False
     return times_healthy(robot, torque_scale, candidate, coefficients) > 1
+
+
+def moves_little(torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
+    """Whether friction by load moves next to nothing of its joint's torque, whatever of the load it is."""
+    joint = candidate.family.joint
+    if candidate.family.effect != OF_THE_LOAD:
+        return False
+    assert joint is not None
+    return bool(coefficients[0] * _moved_by_one(candidate, 0) < LITTLE_OF_LOAD * torque_scale[joint])
 
 
 def times_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
@@ -197,10 +203,10 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
                 mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
             # A least size stands for the mild end of what grows.
             grows = True
-        if (family.effect, name) in LEAST_MOVED:
+        if name == DIFFERENCE:
+            # Where friction is little of the torque, any direction's share of it is nothing.
             assert family.joint is not None
-            column, least = LEAST_MOVED[family.effect, name]
-            mild = max(mild, least * float(torque_scale[family.joint]) / _moved_by_one(candidate, column))
+            mild = max(mild, LEAST_SIZE * float(torque_scale[family.joint]) / _moved_by_one(candidate, 1))
         value = _number(values[name])
         if family.effect == CABLE:
             value *= _lever(robot, family.joint, values)

@@ -17,7 +17,7 @@ from .candidates import SATURATION
 from .evidence import Fit, fitted_to, squares
 from .findings import Gap
 from .ground import Ground, ground
-from .healthy import GAIN, is_beyond_healthy, is_excessive, times_healthy
+from .healthy import GAIN, is_beyond_healthy, is_excessive, moves_little, times_healthy
 from .hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import is_certainly_beyond, is_obvious
@@ -66,7 +66,7 @@ def accepted_as(
     # Where an imperfection of healthy size would explain it as well, nothing else need be there.
     beyond = beyond and all(is_beyond_healthy(sized, torque_rms, *each) for each in as_well)
     share = float(stage.shares(best.gain).max())
-    beyond = (obvious or beyond) and not is_excessive(sized, *own, share)
+    beyond = (obvious or beyond) and not (is_excessive(sized, *own, share) or moves_little(torque_rms, *own))
     # What a push leaves is where it was.
     firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
     main = alone or is_main(sized, apart, stage, best, firsts, rest)
