@@ -55,7 +55,8 @@ def waterfall(diagnosis: Diagnosis) -> go.Figure:
         float(np.sum(v)) for v in (gap.nominal, gap.parameters, gap.effects, gap.noise_floor)
     )
     unit = torque_unit(diagnosis.robot)
-    steps = ["model as given", "re-identified", "effects added", "left", "of it noise"]
+    # In two lines: side by side on a narrow page, long names would be turned and cut off.
+    steps = ["model<br>as given", "re-<br>identified", "effects<br>added", "left", "of it<br>noise"]
     heights = [nominal, parameters - nominal, effects - parameters, effects, floor]
     figure = go.Figure(
         go.Waterfall(
@@ -79,6 +80,7 @@ def waterfall(diagnosis: Diagnosis) -> go.Figure:
         cliponaxis=False,
         hoverinfo="skip",
     )
+    figure.update_xaxes(tickangle=0, automargin=True)
     figure.update_yaxes(title=f"joints summed, {unit}", rangemode="tozero")
     return figure
 
