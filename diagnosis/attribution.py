@@ -116,7 +116,7 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
         found = search.round(stage, weighed, free, accepted)
         if found is None and not resought and (place := _of_event(accepted)) < len(accepted) - 1:
             resought, rest = True, [a for k, a in enumerate(accepted) if k != place]
-            alone = Stage(base, *without_one(base, accepted, place))
+            alone = Stage(base, *without_one(base.prepared, accepted, place))
             found = search.push(alone, free)
             if found is not None:
                 accepted, stage = rest, alone
@@ -203,7 +203,7 @@ def _pruned(
 ) -> tuple[list[Accepted], Design, Fit]:
     """Take out, one by one, what is no longer material beside the others."""
     while len(accepted) > 1:
-        rest = [without_one(base, accepted, place) for place in range(len(accepted))]
+        rest = [without_one(base.prepared, accepted, place) for place in range(len(accepted))]
         worth = []
         for item, trial in zip(accepted, rest, strict=True):
             stage = Stage(base, *trial)

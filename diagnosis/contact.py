@@ -147,19 +147,19 @@ def _fitted(stage: Stage, gain: Gain, noise: Array, bursts: Sequence[int]) -> _P
     noise: (n,) what of each joint's squared residual would be there without any burst.
     """
     before, trial = squares(stage.fitted.residual), stage.with_effects([gain.candidate])
-    after, price = squares(trial[1].residual), gain.candidate.count
+    after, count = squares(trial[1].residual), gain.candidate.count
     explained = _explained(before, after, noise)[bursts]
     if explained.max() <= (SMALLEST_SHARE if np.sum(explained > SMALLEST_SHARE) > 1 else ALONE):
         return None
     most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
-    if not _is_bearable(gain.candidate, trial[1].values[-price:], most):
+    if not _is_bearable(gain.candidate, trial[1].values[-count:], most):
         return None
     left, floor = (each / np.maximum(before, 1e-300) for each in (after, noise))
     of_profile = PROFILE**2 * np.maximum(1 - floor, 0.0)
     return _Push(
-        Weighed(gain, log_of_squares(stage.independent, left) - price),
+        Weighed(gain, log_of_squares(stage.independent, left) - count),
         trial,
-        log_of_squares(stage.independent, left + of_profile) - price,
+        log_of_squares(stage.independent, left + of_profile) - count,
     )
 
 

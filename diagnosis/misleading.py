@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from .accepted import Accepted
 from .attribution import Attribution
-from .evidence import Fit, fitted_to, on_whole_runs, squares
+from .evidence import Fit, on_whole_runs, squares
 from .hypothesis import Design
+from .naming import without_one
 
 # A joint's left-out gap with the effects is so many times what it is without any; with right names of 3,400
 # cases, and of loops whose last run alone tells, it was three times that at most.
@@ -27,16 +28,17 @@ def without_misleading(
     while True:
         worse = squares(final[1].held_out) / np.maximum(left, 1e-300)
         joint = int(np.argmax(worse))
-        loading = [item for item in found.accepted if _loads(item, joint)]
+        loading = [place for place, item in enumerate(found.accepted) if _loads(item, joint)]
         if worse[joint] < FAR_WORSE**2 or not loading:
             return found, final
-        trials = [_without(found, item) for item in loading]
+        trials = [_without(found, place) for place in loading]
         found, final = min(trials, key=lambda trial: _left_at(trial[1][1], joint))
 
 
-def _without(found: Attribution, item: Accepted) -> tuple[Attribution, tuple[Design, Fit]]:
-    rest = tuple(each for each in found.accepted if each is not item)
-    hypothesis, fitted = fitted_to(found.prepared, [each.candidate for each in rest])
+def _without(found: Attribution, place: int) -> tuple[Attribution, tuple[Design, Fit]]:
+    """The attribution without one of its effects, and its fit with whole runs left out."""
+    hypothesis, fitted = without_one(found.prepared, found.accepted, place)
+    rest = found.accepted[:place] + found.accepted[place + 1 :]
     without = replace(found, accepted=rest, hypothesis=hypothesis, fitted=fitted)
     return without, (hypothesis, on_whole_runs(hypothesis, fitted))
 

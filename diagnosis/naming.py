@@ -21,6 +21,7 @@ from .healthy import GAIN, is_beyond_healthy, is_excessive, moves_little, times_
 from .hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import is_certainly_beyond, is_obvious
+from .preparation import Prepared
 from .prominence import is_main
 from .round import Found
 from .unclaimed import NOTHING, Unclaimed
@@ -145,7 +146,7 @@ def _judged_beside(
 ) -> Accepted:
     """One effect judged beside all others that were taken in. apart, rest: as of ``accepted_as``."""
     item, others, base = accepted[place], [*accepted[:place], *accepted[place + 1 :]], apart.ground
-    stage = Stage(base, *without_one(base, accepted, place))
+    stage = Stage(base, *without_one(base.prepared, accepted, place))
     gain = stage.gain(item.candidate)
     if gain is None:
         return item
@@ -155,9 +156,9 @@ def _judged_beside(
     return accepted_as(Found(best, item.rivals, trial), stage, apart, sized, others, rest)
 
 
-def without_one(base: Ground, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
+def without_one(prepared: Prepared, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
     """The hypothesis without one of its effects, fitted in full."""
-    return fitted_to(base.prepared, [a.candidate for k, a in enumerate(accepted) if k != place])
+    return fitted_to(prepared, [a.candidate for k, a in enumerate(accepted) if k != place])
 
 
 def as_fitted_at_last(

@@ -50,7 +50,7 @@ def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
         joint = item.candidate.family.joint
         if not item.named or item.candidate.family.effect != LAG or joint is None:
             continue
-        alone = Stage(last.ground, *without_one(last.ground, accepted, place))
+        alone = Stage(last.ground, *without_one(last.prepared, accepted, place))
         law = [run @ last.fitted.values[last.hypothesis.parts[place]] for run in item.candidate.filtered]
         (f, before), (_, after) = (_spectrum(*_left(stage, joint)) for stage in (alone, last))
         # Where it explains most, and where it has most torque to explain any with.
