@@ -103,11 +103,14 @@ def contact(
         for link in links
         for gain in _of_each_load(stage, in_parallel(stage.prepared, [partial(pushes, logged, link, events)]))
     ]
+    most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
     likeliest: dict[int, _Push] = {}
     for gain in _worth_a_fit(gains):
         push, link = _fitted(stage, gain, noise, list(bursts)), gain.candidate.family.joint
         assert link is not None
-        if push is not None and (link not in likeliest or push.score > likeliest[link].score):
+        if push is None or not _is_bearable(push, most):
+            continue
+        if link not in likeliest or push.score > likeliest[link].score:
             likeliest[link] = push
     best = max((push.score for push in likeliest.values()), default=0.0)
     if best < SMALLEST_GAIN:
@@ -142,7 +145,7 @@ def _are_together(one: Set[tuple[int, int]], other: Set[tuple[int, int]]) -> boo
 
 
 def _fitted(stage: Stage, gain: Gain, noise: Array, bursts: Sequence[int]) -> _Push | None:
-    """A push fitted in full; None where it explains too little of the joints' bursts, or loads one too much.
+    """A push fitted in full; None where it explains too little of the joints' bursts.
 
     noise: (n,) what of each joint's squared residual would be there without any burst.
     """
@@ -150,9 +153,6 @@ def _fitted(stage: Stage, gain: Gain, noise: Array, bursts: Sequence[int]) -> _P
     after, count = squares(trial[1].residual), gain.candidate.count
     explained = _explained(before, after, noise)[bursts]
     if explained.max() <= (SMALLEST_SHARE if np.sum(explained > SMALLEST_SHARE) > 1 else ALONE):
-        return None
-    most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
-    if not _is_bearable(gain.candidate, trial[1].values[-count:], most):
         return None
     left, floor = (each / np.maximum(before, 1e-300) for each in (after, noise))
     of_profile = PROFILE**2 * np.maximum(1 - floor, 0.0)
@@ -186,10 +186,12 @@ def _worth_a_fit(gains: Sequence[Gain]) -> list[Gain]:
     return [gain for gain, own in zip(gains, worth, strict=True) if own >= least]
 
 
-def _is_bearable(push: Candidate, coefficients: Array, most: Array) -> bool:
+def _is_bearable(push: _Push, most: Array) -> bool:
     """Whether no joint is loaded with more than this, (n,) N·m."""
-    loads = (columns @ coefficients for columns in push.member.columns)
-    return all(bool(np.all(np.abs(load) <= most[list(push.member.rows)])) for load in loads)
+    member = push.weighed.candidate.member
+    coefficients = push.trial[1].values[-member.count :]
+    loads = (columns @ coefficients for columns in member.columns)
+    return all(bool(np.all(np.abs(load) <= most[list(member.rows)])) for load in loads)
 
 
 def _with_bursts(

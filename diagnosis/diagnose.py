@@ -47,8 +47,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     """
     found = attribute(prepare(robot, recordings), without)
     prepared = found.prepared
-    first, first_fitted = found.parameters_only
-    only = first, on_whole_runs(first, first_fitted)
+    only = found.parameters_only[0], on_whole_runs(*found.parameters_only)
     found, final = without_misleading(found, only)
     gap = _gap(prepared, only, final)
     fitted_gap = _rms(final[1].residual, final[0])

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .accepted import Accepted
 from .attribution import Attribution
@@ -11,7 +10,7 @@ from .evidence import Fit, on_whole_runs, squares
 from .hypothesis import Design
 from .naming import without_one
 
-# A joint's left-out gap with the effects is so many times what it is without any; with right names of 3,400
+# A joint's left-out gap with the effects is so many times what it is without any; with right names of 3,200
 # cases, and of loops whose last run alone tells, it was three times that at most.
 FAR_WORSE = 10.0
 
@@ -32,7 +31,7 @@ def without_misleading(
         if worse[joint] < FAR_WORSE**2 or not loading:
             return found, final
         trials = [_without(found, place) for place in loading]
-        found, final = min(trials, key=lambda trial: _left_at(trial[1][1], joint))
+        found, final = min(trials, key=lambda trial: float(squares(trial[1][1].held_out)[joint]))
 
 
 def _without(found: Attribution, place: int) -> tuple[Attribution, tuple[Design, Fit]]:
@@ -45,8 +44,3 @@ def _without(found: Attribution, place: int) -> tuple[Attribution, tuple[Design,
 
 def _loads(item: Accepted, joint: int) -> bool:
     return joint in item.candidate.member.rows and not item.candidate.is_event
-
-
-def _left_at(fitted: Fit, joint: int) -> float:
-    left: NDArray[np.float64] = squares(fitted.held_out)
-    return float(left[joint])

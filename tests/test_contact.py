@@ -1,5 +1,6 @@
 """When a push is seen before the effects that would be taken for it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 
 from diagnosis.attribution import attribute
 from diagnosis.bank import Bank
-from diagnosis.candidates import candidates
+from diagnosis.candidates import Candidate, candidates
 from diagnosis.contact import contact, explains_all_bursts
 from diagnosis.evidence import fitted_to, squares
 from diagnosis.generic import generic_candidates
@@ -33,6 +34,12 @@ def with_pushes(folder: Path, pushes: dict[str, str]) -> Prepared:
     return prepare(arm, runs)
 
 
+def _sought(prepared: Prepared, accepted: Sequence[Candidate] = ()):
+    """The stage that has these effects, and the push that is seen beside them."""
+    stage = Stage(ground(prepared), *fitted_to(prepared, accepted))
+    return stage, contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+
+
 @pytest.fixture(scope="module")
 def pushed(tmp_path_factory):
     return with_pushes(tmp_path_factory.mktemp("arm"), {"run_2": PUSH})
@@ -53,8 +60,7 @@ def test_it_is_taken_in_before_what_would_imitate_it(pushed):
 
 def test_a_push_less_than_a_third_as_hard_in_another_run_is_fitted_too(tmp_path):
     prepared = with_pushes(tmp_path, {"run_2": PUSH, "run_3": PUSH.replace("torque=20", "torque=6")})
-    stage = Stage(ground(prepared), *fitted_to(prepared, []))
-    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    _, found = _sought(prepared)
     assert found is not None
     assert [bool(columns.any()) for columns in found[0].gain.candidate.member.columns] == [False, True, True]
 
@@ -65,8 +71,7 @@ def test_a_push_is_held_against_noise_no_more_than_there_is(tmp_path):
     runs = simulated_runs(arm, [], runs=3, noise=0.15)
     runs["run_2"] = simulated_runs(arm, [weak], runs=3, noise=0.15)["run_2"]
     prepared = prepare(arm, runs)
-    stage = Stage(ground(prepared), *fitted_to(prepared, []))
-    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    stage, found = _sought(prepared)
     assert found is not None
     # Of all that is left it explains little, and of what is no noise all.
     left = squares(found[2][1].residual) / squares(stage.fitted.residual)
@@ -87,8 +92,7 @@ def test_bursts_beside_a_limit_or_bristles_are_their_rest(tmp_path, first, law, 
     prepared = with_pushes(tmp_path, {"run_2": PUSH.replace("law=world_force", f"law={law}")})
     friction = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 1)
     named = replace(friction, family=replace(friction.family, effect=first))
-    stage = Stage(ground(prepared), *fitted_to(prepared, [named]))
-    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    _, found = _sought(prepared, [named])
     assert (found is not None) == expected
 
 
@@ -101,8 +105,7 @@ def test_a_push_is_seen_where_friction_near_rest_leaves_more_than_it(tmp_path):
     still = np.abs(np.gradient(pushed.position, 1e-3, axis=0)) < 0.04
     runs["run_2"] = replace(pushed, torque=pushed.torque + np.where(still, 60.0, 0.0))
     prepared = prepare(arm, runs)
-    stage = Stage(ground(prepared), *fitted_to(prepared, []))
-    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    _, found = _sought(prepared)
     assert found is not None
     rubbed = found[0].gain.candidate.member.columns[1].any(axis=(1, 2))
     first, last = np.flatnonzero(rubbed)[[0, -1]] / 1000
@@ -117,8 +120,8 @@ def test_a_shock_that_the_filter_does_not_resolve_is_no_push(tmp_path):
     torque[2000:2030, 1] += 12.0
     runs["run_2"] = replace(runs["run_2"], torque=torque)
     prepared = prepare(arm, runs)
-    stage = Stage(ground(prepared), *fitted_to(prepared, []))
-    assert contact(stage, Bank(stage.ground, generic_candidates(prepared))) is None
+    _, found = _sought(prepared)
+    assert found is None
 
 
 def test_a_push_is_of_the_link_whose_joint_it_loads_though_another_shakes_at_other_times(tmp_path):
@@ -132,8 +135,7 @@ def test_a_push_is_of_the_link_whose_joint_it_loads_though_another_shakes_at_oth
             torque[start : start + 100, 1] += 3.0
         runs[name] = replace(runs[name], torque=torque)
     prepared = prepare(arm, runs)
-    stage = Stage(ground(prepared), *fitted_to(prepared, []))
-    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    _, found = _sought(prepared)
     assert found is not None
     assert found[0].candidate.family.joint == 0
 
@@ -146,8 +148,7 @@ def test_a_profile_that_is_not_ours_tells_of_no_farther_link(tmp_path):
     torque[1500:2300, 0] += 8.0 * np.clip(np.minimum(since, 1.0 - since) / 0.3, 0.0, 1.0)
     runs["run_2"] = replace(runs["run_2"], torque=torque)
     prepared = prepare(arm, runs)
-    stage = Stage(ground(prepared), *fitted_to(prepared, []))
-    found = contact(stage, Bank(stage.ground, generic_candidates(prepared)))
+    _, found = _sought(prepared)
     assert found is not None
     assert found[0].candidate.family.joint == 0
 
@@ -157,8 +158,8 @@ def test_no_push_is_many_times_what_a_drive_withstands(pushed, limit, expected):
     limits = replace(pushed.robot.limits, torque=np.full(pushed.joints, limit))
     runs = tuple(replace(run, logged=replace(run.logged, limits=limits)) for run in pushed.runs)
     weak = replace(pushed, runs=runs)
-    stage = Stage(ground(weak), *fitted_to(weak, []))
-    assert (contact(stage, Bank(stage.ground, generic_candidates(weak))) is not None) == expected
+    _, found = _sought(weak)
+    assert (found is not None) == expected
 
 
 def test_loads_of_a_push_are_told_apart_by_what_each_joint_withstands():

@@ -24,6 +24,12 @@ from .diagnosed import simulated_runs
 from .small_arm import ARM, SCARA, small_arm
 
 
+def _first_of(arm, name, joint):
+    """A run of the arm, prepared, and the first candidate of an effect at a joint."""
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    return prepared, next(c for c in candidates(prepared, only=[name]) if c.family.joint == joint)
+
+
 @pytest.mark.parametrize(("share", "is_named"), [(0.4, False), (1.0, True)])
 def test_bristles_bear_all_of_a_joints_coulomb_friction(tmp_path, share, is_named):
     arm = small_arm(tmp_path)
@@ -68,8 +74,7 @@ def test_a_gearbox_swings_with_its_link_however_heavy_the_rotor(tmp_path, rotor)
 @pytest.mark.parametrize(("share", "is_met"), [(0.15, True), (2.0, False)])
 def test_a_cable_may_be_stiff_for_a_joint_of_little_friction(tmp_path, share, is_met):
     arm = small_arm(tmp_path, ARM.replace('frictionloss="2"', 'frictionloss="0.02"'))
-    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
-    cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 0)
+    _, cable = _first_of(arm, "cable_spring", 0)
     stiffness = share * scale_of("torque_limit", arm, 0)
     assert is_plausible(arm, cable, np.array([stiffness, 0.0])) == is_met
 
@@ -77,8 +82,7 @@ def test_a_cable_may_be_stiff_for_a_joint_of_little_friction(tmp_path, share, is
 @pytest.mark.parametrize(("share", "is_met"), [(0.15, True), (0.5, False)])
 def test_a_cable_on_a_short_slide_is_judged_by_what_it_holds_within_its_range(tmp_path, share, is_met):
     arm = small_arm(tmp_path, SCARA)
-    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
-    cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 2)
+    _, cable = _first_of(arm, "cable_spring", 2)
     half_range = (arm.limits.upper[2] - arm.limits.lower[2]) / 2
     stiffness = share * scale_of("torque_limit", arm, 2) / half_range
     assert stiffness > 2 * 10 * 0.5 * scale_of("coulomb", arm, 2) * share
@@ -91,8 +95,7 @@ def test_a_cable_on_a_short_slide_is_judged_by_what_it_holds_within_its_range(tm
 )
 def test_what_healthy_robots_have_differs_from_effect_to_effect(tmp_path, name, healthy, faulty):
     arm = small_arm(tmp_path)
-    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
-    own = next(c for c in candidates(prepared, only=[name]) if c.family.joint == 0)
+    _, own = _first_of(arm, name, 0)
     mild, _ = typical_range(effect(name).DESCRIPTION.parameters[0], arm, 0)
     # Of a joint that hardly needs torque: nothing but the typical range tells what is much.
     torque, first = np.full(arm.joints, 1e-3), np.eye(own.count)[0]
@@ -103,8 +106,7 @@ def test_what_healthy_robots_have_differs_from_effect_to_effect(tmp_path, name, 
 @pytest.mark.parametrize(("moved", "expected"), [(0.009, False), (0.015, True)])
 def test_friction_that_differs_by_direction_is_little_where_all_friction_is(tmp_path, moved, expected):
     arm = small_arm(tmp_path)
-    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
-    own = next(c for c in candidates(prepared, only=["asymmetric_friction"]) if c.family.joint == 0)
+    prepared, own = _first_of(arm, "asymmetric_friction", 0)
     speed = np.sqrt(np.mean(prepared.runs[0].logged.dq[:, 0] ** 2))
     # A joint that carries far more than it rubs: a tenth of its viscous friction is next to nothing.
     difference = scale_of("viscous", arm, 0) / 10
@@ -115,8 +117,7 @@ def test_friction_that_differs_by_direction_is_little_where_all_friction_is(tmp_
 @pytest.mark.parametrize(("moved", "expected"), [(0.007, True), (0.01, False)])
 def test_friction_by_load_is_little_where_the_load_is(tmp_path, moved, expected):
     arm = small_arm(tmp_path)
-    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
-    own = next(c for c in candidates(prepared, only=["load_dependent_friction"]) if c.family.joint == 0)
+    prepared, own = _first_of(arm, "load_dependent_friction", 0)
     load = np.sqrt(np.mean(prepared.runs[0].logged.load[:, 0] ** 2))
     # More than any healthy gear loses of its load, of a joint that spends its torque otherwise.
     torque = np.full(arm.joints, 0.1 * load / moved)

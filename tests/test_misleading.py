@@ -39,8 +39,7 @@ def _attribution(prepared, *effects):
 @pytest.mark.parametrize(("in_first_run", "kept"), [(1e-3, 0), (0.5, 1)])
 def test_what_another_run_cannot_tell_is_taken_out(prepared, in_first_run, kept):
     found = _attribution(prepared, _told(prepared, "asymmetric_friction", in_first_run))
-    hypothesis, fitted = found.parameters_only
-    only = hypothesis, on_whole_runs(hypothesis, fitted)
+    only = found.parameters_only[0], on_whole_runs(*found.parameters_only)
     left, (_, final) = without_misleading(found, only)
     assert len(left.accepted) == len(left.hypothesis.accepted) == kept
     assert np.all(squares(final.held_out) < 2 * squares(only[1].held_out))
@@ -49,6 +48,6 @@ def test_what_another_run_cannot_tell_is_taken_out(prepared, in_first_run, kept)
 def test_what_misleads_is_taken_out_alone(prepared):
     good, bad = _told(prepared, "cable_spring", 0.5), _told(prepared, "gravity_spring", 1e-3)
     found = _attribution(prepared, good, bad)
-    hypothesis, fitted = found.parameters_only
-    left, _ = without_misleading(found, (hypothesis, on_whole_runs(hypothesis, fitted)))
+    only = found.parameters_only[0], on_whole_runs(*found.parameters_only)
+    left, _ = without_misleading(found, only)
     assert [each.candidate.family.effect for each in left.accepted] == ["cable_spring"]
