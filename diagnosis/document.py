@@ -112,6 +112,7 @@ def diagnosis_document(
         "next_experiment": None if next_experiment is None else _experiment(next_experiment),
         "not_in_mjcf": list(not_in_mjcf),
         "notes": list(diagnosis.notes),
+        "noise_unseen": [names[joint] for joint in diagnosis.noise_unseen],
         "untold": [names[joint] for joint in diagnosis.untold],
         "mended": diagnosis.mended,
         "everywhere": [{"effect": effect, "joint": name(joint)} for effect, joint in diagnosis.everywhere],

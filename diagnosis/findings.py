@@ -12,6 +12,7 @@ from testbench.robot import Robot
 from .candidates import Candidate
 from .evidence import Fit
 from .hypothesis import Design
+from .noise import noise
 from .preparation import Prepared
 from .recurrence import Recurrence
 
@@ -186,3 +187,8 @@ class Diagnosis:
         """The joints of which these runs tell too little for a name, and that have none."""
         named = {joint for each in self.effects for joint in (each.joint, each.into)}
         return tuple(j for j in np.flatnonzero(~self.final[0].is_told).tolist() if j not in named)
+
+    @property
+    def noise_unseen(self) -> tuple[int, ...]:
+        """The joints whose torque was low-passed in the log: noise leaves at most the floor there."""
+        return tuple(np.flatnonzero(~noise(self.prepared).seen).tolist())

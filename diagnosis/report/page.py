@@ -117,6 +117,7 @@ def render(
             *words.everywhere(diagnosis),
             *words.mended(diagnosis),
             *words.recurrence(diagnosis),
+            *words.noise_unseen(diagnosis),
             *words.near_rest(diagnosis),
         ],
         plotly=Markup(get_plotlyjs()),

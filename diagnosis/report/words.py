@@ -133,6 +133,17 @@ def untold(diagnosis: Diagnosis) -> list[str]:
     return [f"Too little moves in these runs for a name at {', '.join(names)}."] if names else []
 
 
+def noise_unseen(diagnosis: Diagnosis) -> list[str]:
+    """The joints whose noise floor is a bound, since their logs were low-passed; nothing where none was."""
+    names = [diagnosis.robot.joint_names[joint] for joint in diagnosis.noise_unseen]
+    if not names:
+        return []
+    place = "all joints" if len(names) == len(diagnosis.robot.joint_names) else ", ".join(names)
+    return [
+        f"The torque of {place} was low-passed before it was logged: its noise is at most the floor told."
+    ]
+
+
 def everywhere(diagnosis: Diagnosis) -> list[str]:
     """What is fitted and has no name beside the other joints' imperfections; nothing where nothing is."""
     places: dict[str, list[str]] = {}
