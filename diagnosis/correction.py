@@ -41,7 +41,8 @@ class Corrected:
     """The model as given, re-identified, and with the effects; standard parameters (14 n,) each.
 
     chain, limits: of the model as given. nominal: as given. parameters: re-identified alone. final:
-    beside the effects. parameters_timing, final_timing: s, by which the logged torque is late.
+    beside the effects. late: s, by which the logs have their torque late; parameters_timing, final_timing:
+    and what is left of that beside them.
     linearised: (14 n,) that the effects' columns are taken at. coulomb_smoothing, coulomb_lead: (n,) rad/s
     (m/s) and s, of Coulomb friction in what was re-identified, as of Logged. body_rotation (3, 3),
     body_origin (3,) m: the last body's frame in the last link's.
@@ -54,6 +55,7 @@ class Corrected:
     parameters_timing: float
     final: Array
     final_timing: float
+    late: float
     linearised: Array
     coulomb_smoothing: Array
     coulomb_lead: float
@@ -83,6 +85,7 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
         parameters_timing=parameters_timing,
         final=diagnosis.parameters,
         final_timing=diagnosis.timing,
+        late=diagnosis.prepared.late,
         linearised=logged.parameters,
         coulomb_smoothing=diagnosis.prepared.coulomb_smoothing,
         coulomb_lead=diagnosis.prepared.coulomb_lead,
@@ -114,6 +117,7 @@ def correction_document(model: Corrected) -> dict[str, Any]:
         "nominal": model.nominal.tolist(),
         "coulomb_smoothing": model.coulomb_smoothing.tolist(),
         "coulomb_lead": model.coulomb_lead,
+        "late": model.late,
         "parameters": {"standard": model.parameters.tolist(), "timing": model.parameters_timing},
         "effects": {
             "standard": model.final.tolist(),
@@ -158,6 +162,7 @@ def read_correction(document: Any, source: object) -> Corrected:
             parameters_timing=float(document["parameters"]["timing"]),
             final=np.array(effects["standard"], dtype=np.float64),
             final_timing=float(effects["timing"]),
+            late=float(document["late"]),
             linearised=np.array(effects["linearised_at"], dtype=np.float64),
             coulomb_smoothing=np.array(document["coulomb_smoothing"], dtype=np.float64),
             coulomb_lead=float(document["coulomb_lead"]),

@@ -1,4 +1,4 @@
-"""A delay of all torques, found by shifting them back: exact at any size.
+"""A delay of all torques, or how late a log has them, found by shifting them back: exact at any size.
 
 A column that is linear in the delay holds near the size and at the parameters it was taken at; a delay that
 makes the controller shake bends those until nothing can be told. Shifted back, torque is linear in all else.
@@ -18,8 +18,10 @@ from .likelihood import log_of_squares
 
 Array = NDArray[np.float64]
 
-# Seconds.
-STEP, TOLERANCE = 0.003, 1e-6
+# Seconds: steps of what is tried, how near the likeliest is found, and how late a log may have its torque.
+STEP, TOLERANCE, LATEST = 0.003, 1e-6, 0.1
+_DELAYS = np.arange(0.0, effect(DELAY).DESCRIPTION.parameters[0].upper, STEP)
+_LATENESSES = np.arange(-LATEST, TOLERANCE, STEP)
 
 
 def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
@@ -28,19 +30,23 @@ def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
     hypothesis: with the delay as one of its effects, or without.
     """
     shifted = _Shifted(hypothesis, fitted)
-    tried = np.arange(0.0, effect(DELAY).DESCRIPTION.parameters[0].upper, STEP)
-    nearest = tried[np.argmax([shifted.fit(delay)[0] for delay in tried])]
-    found = minimize_scalar(
-        lambda delay: -shifted.fit(delay)[0],
-        bounds=(max(nearest - STEP, TOLERANCE), nearest + STEP),
-        method="bounded",
-        options={"xatol": TOLERANCE},
-    )
-    delay, values = float(found.x), shifted.fit(found.x)[1]
+    delay = shifted.likeliest(_DELAYS)
+    values = shifted.fit(delay)[1]
     for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         if each.family.effect == DELAY:
             values = np.insert(values, own.start, delay)
     return delay, values
+
+
+def likeliest_lateness(hypothesis: Design, fitted: Fit) -> tuple[float, float]:
+    """How late the logs have all torque, s, if a hypothesis is right; and how much likelier that is than not.
+
+    In units of log-likelihood, against no delay or any. No drive acts before it is told: this is of the way
+    the logs were taken.
+    """
+    shifted = _Shifted(hypothesis, fitted)
+    late = -shifted.likeliest(_LATENESSES)
+    return late, shifted.fit(-late)[0] - max(shifted.fit(delay)[0] for delay in _DELAYS.tolist())
 
 
 class _Shifted:
@@ -55,6 +61,16 @@ class _Shifted:
         self.lower, self.upper = bounds(self.hypothesis)
         self.xy = np.sum([self._products(run, left) for run, left in enumerate(self.base.gap)], axis=0)
         self.known: dict[tuple[int, int], tuple[Array, Array]] = {}
+
+    def likeliest(self, tried: Array) -> float:
+        """The likeliest delay, s, near the likeliest of those that are tried, of their sign."""
+        nearest = tried[np.argmax([self.fit(delay)[0] for delay in tried.tolist()])]
+        lower, upper = nearest - STEP, nearest + STEP
+        bounds = (max(lower, TOLERANCE), upper) if tried[-1] > STEP else (lower, min(upper, -TOLERANCE))
+        found = minimize_scalar(
+            lambda delay: -self.fit(delay)[0], bounds=bounds, method="bounded", options={"xatol": TOLERANCE}
+        )
+        return float(found.x)
 
     def fit(self, delay: float) -> tuple[float, Array]:
         """Log-likelihood up to a constant, and the unknowns (p,)."""
@@ -84,11 +100,12 @@ class _Shifted:
     def _moved(self, run: int, samples: int) -> tuple[Array, Array]:
         """What shifting back by whole samples adds to a run's filtered torque, (M, n) N·m; X' of it, (n, p).
 
-        The first sample is held.
+        The first sample is held, or the last.
         """
         if (run, samples) not in self.known:
             each = self.base.prepared.runs[run]
-            torque = each.logged.tau[np.maximum(np.arange(each.logged.samples) - samples, 0)]
+            place = np.clip(np.arange(each.logged.samples) - samples, 0, each.logged.samples - 1)
+            torque = each.logged.tau[place]
             moved = each.filtered(torque - each.logged.tau, range(self.base.joints))
             self.known[run, samples] = moved, self._products(run, moved)
         return self.known[run, samples]

@@ -10,6 +10,7 @@ from testbench.log import Recording
 from testbench.robot import Robot
 
 from .accepted import RESONANCE, Accepted
+from .alignment import aligned
 from .attribution import CONFUSABLE, Attribution, attribute
 from .deviations import covariance_with_shapes
 from .evidence import Fit, on_whole_runs, standard_values
@@ -20,8 +21,9 @@ from .localisation import where
 from .misleading import without_misleading
 from .naming import names_that_hold
 from .noise import noise
-from .preparation import Prepared, prepare
+from .preparation import Prepared
 from .recurrence import recurrence
+from .torque_scale import foreign_scales, in_words
 from .unclaimed import NOTHING, Unclaimed
 
 Array = NDArray[np.float64]
@@ -45,7 +47,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     recordings: runs by name; their truth, where a simulation has written one, is not looked at.
     without: effects taken out of the catalogue. Raises InputError for runs that are too short.
     """
-    found = attribute(prepare(robot, recordings), without)
+    found = attribute(aligned(robot, recordings), without)
     prepared = found.prepared
     only = found.parameters_only[0], on_whole_runs(*found.parameters_only)
     found, final = without_misleading(found, only)
@@ -61,7 +63,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     return Diagnosis(
         robot=robot,
         verdict=verdict,
-        sentence=_sentence(robot, verdict, effects, found, gap),
+        sentence=_sentence(robot, verdict, effects, found, gap) + in_words(robot, foreign_scales(prepared)),
         effects=effects if verdict == "effect" else (),
         ranked=_ranked(found, verdict),
         where=_where(found, only, gap, verdict),

@@ -155,7 +155,8 @@ class Diagnosis:
     weighed. where: shares of the gap, largest first. gap: before and after. prepared: the runs.
     parameters_only, final: (hypothesis, fit) after re-identification and with the effects.
     parameters: (14 n,) re-identified standard parameters of the final hypothesis; timing: s, the
-    common torque delay that goes with them. not_observable: effects nothing of which would show.
+    common torque delay that goes with them, beside how late ``prepared`` says that the logs have it.
+    not_observable: effects nothing of which would show.
     recurrence: the push as one that every run has. everywhere: effects fitted without a name, as other joints
     are about as imperfect.
     """
@@ -184,9 +185,10 @@ class Diagnosis:
 
     @property
     def untold(self) -> tuple[int, ...]:
-        """The joints of which these runs tell too little for a name, and that have none."""
+        """The joints that move too little in these runs for a name, and that have none."""
         named = {joint for each in self.effects for joint in (each.joint, each.into)}
-        return tuple(j for j in np.flatnonzero(~self.final[0].is_told).tolist() if j not in named)
+        others = named | self.prepared.silent
+        return tuple(j for j in np.flatnonzero(~self.final[0].is_told).tolist() if j not in others)
 
     @property
     def noise_unseen(self) -> tuple[int, ...]:

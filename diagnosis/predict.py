@@ -105,7 +105,9 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     corrected = _shifted(corrected, model.final_timing * logged.sample_rate)
     for torque in _term_torques(model.terms, logged):
         corrected += torque
-    torques = (nominal, _shifted(parameters, model.parameters_timing * logged.sample_rate), corrected)
+    parameters = _shifted(parameters, model.parameters_timing * logged.sample_rate)
+    late = model.late * logged.sample_rate
+    torques = (nominal, *(_shifted(torque, late) if late else torque for torque in (parameters, corrected)))
     # A log whose time stamps stray was resampled.
     return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
 

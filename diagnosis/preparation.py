@@ -22,7 +22,7 @@ from testbench.effects.signature import Window
 from testbench.log import CHANNELS, Recording
 from testbench.lost_samples import lost_samples, mended
 from testbench.robot import Robot
-from testbench.sampling import motion, on_grid
+from testbench.sampling import motion, on_grid, with_torque_in_time
 
 from .band import joint_bands
 from .decimation import DecimatingFilter, decimating_filters, filtered, filtered_windows
@@ -104,7 +104,9 @@ class Prepared:
     folds: per fold, the run's index and the samples (into its M) that belong to it. band: (n,) of the widest
     band, the share that each joint's filter leaves. encoder_torque: (n,) N·m RMS that encoders' noise
     seems to add there. thinning: one in so many is kept of the samples that hold what was passed. held:
-    joints that bristles hold, so that their samples near rest count, too.
+    joints that bristles hold, so that their samples near rest count, too. late: s, by which the logs had
+    their torque late; it is as of the positions here. silent: joints whose torque never changes, of which no
+    sample counts.
     """
 
     robot: Robot
@@ -114,6 +116,8 @@ class Prepared:
     folds: tuple[tuple[int, slice], ...]
     thinning: int
     held: frozenset[int] = frozenset()
+    late: float = 0.0
+    silent: frozenset[int] = frozenset()
 
     @property
     def joints(self) -> int:
@@ -170,25 +174,30 @@ def filter_cutoff(sample_rate: float) -> float:
     return Preprocessing(CUTOFF).at(sample_rate).cutoff
 
 
-def prepare(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
+def prepare(robot: Robot, recordings: Mapping[str, Recording], late: float = 0.0) -> Prepared:
     """Filter every run and write its equations.
 
-    Raises InputError for runs that are too short, or all at rest.
+    late: s, by which the recordings have their torque late. Raises InputError for runs that are too short, or
+    all at rest.
     """
     if not recordings:
         raise InputError("diagnose", "logs", "at least one", 0)
     fast = _fastest(robot, list(recordings.values()))
-    logs = [_log(name, recording, fast) for name, recording in recordings.items()]
+    logs = [_log(name, recording, fast, late) for name, recording in recordings.items()]
     widest = max(filter_cutoff(log.motion.sample_rate) for log in logs)
     bands = joint_bands(robot, [log.motion for log in logs], widest)
     thinning = _thinning(robot, logs, float(bands.cutoff.max()))
+    speaks = np.any([np.ptp(log.recording.torque, axis=0) > 0 for log in logs], axis=0)
     runs = tuple(_run(robot, log, bands.cutoff, thinning) for log in logs)
+    runs = tuple(replace(run, used=run.used & speaks) for run in runs)
     if not any(run.used.any() for run in runs):
         expected = f"some joint faster than {DEAD_ZONE} rad/s (m/s): these logs cannot tell"
         raise InputError("logs", "joint/position", expected, "all at rest, or too short a move")
     each = -(-FEWEST_FOLDS // len(runs))
     folds = tuple((index, part) for index, run in enumerate(runs) for part in blocks(len(run.time), each))
-    return Prepared(robot, runs, bands.cutoff / widest, bands.encoder_torque, folds, thinning)
+    silent = frozenset(np.flatnonzero(~speaks).tolist())
+    share = bands.cutoff / widest
+    return Prepared(robot, runs, share, bands.encoder_torque, folds, thinning, late=late, silent=silent)
 
 
 def blocks(samples: int, count: int) -> list[slice]:
@@ -237,9 +246,9 @@ class _Log:
     position_step: Array
 
 
-def _log(name: str, recording: Recording, fast: float) -> _Log:
+def _log(name: str, recording: Recording, fast: float, late: float) -> _Log:
     lost = lost_samples(recording)
-    even = on_grid(thinned(mended(recording, lost), fast))
+    even = with_torque_in_time(on_grid(thinned(mended(recording, lost), fast)), late)
     steps = _step(recording.torque), _step(recording.position)
     return _Log(name, even, motion(even), recording.time[~lost], int(lost.sum()), *steps)
 

@@ -48,11 +48,11 @@ def write_corrected(diagnosis: Diagnosis, path: str | Path) -> tuple[str, ...]:
         robot = robot_with(diagnosis.robot, standard, Path(folder))
         kept, refused = _written(robot, wanted, path)
     model = corrected_model(diagnosis)
-    if abs(model.final_timing) >= 0.5 * diagnosis.prepared.sample_time:
-        late = "late" if model.final_timing > 0 else "early"
+    late = model.late + model.final_timing
+    if abs(late) >= 0.5 * diagnosis.prepared.sample_time:
+        when = f"{1e3 * abs(late):.2g} ms {'late' if late > 0 else 'early'}"
         kept += (
-            f"the logged torque is {1e3 * abs(model.final_timing):.2g} ms {late} against the positions: "
-            "this belongs to the log, not to the robot",
+            f"the logged torque is {when} against the positions: this belongs to the log, not to the robot",
         )
     for joint in np.flatnonzero(model.coulomb_smoothing).tolist():
         width, name = model.coulomb_smoothing[joint], model.chain.joint_names[joint]

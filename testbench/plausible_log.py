@@ -1,7 +1,8 @@
-"""A log against the model that it is read for: what no robot does, but a slip of units, wraps or signs."""
+"""A log against the model that it is read for: what no robot does, but a slip of units, wraps or columns."""
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from identification.chain import Chain
 from identification.errors import InputError
@@ -22,6 +23,9 @@ SPOILED = 0.01
 MEANS_RATE, FEWEST_MEANS = 25.0, 50
 # Torque is opposed to the model's where their sum is below this share of it, RMS.
 OPPOSED = 0.5
+# Torque is another joint's where its own motion leaves more than this share of its variance, and so many
+# times what the other's leaves; of joints that move by so many rad/s (m/s), RMS.
+OWN_LEAVES, TIMES_OTHERS, MOVING = 0.15, 5.0, 0.02
 
 
 def check_motion(recording: Recording, chain: Chain, limits: Limits, source: object) -> None:
@@ -54,13 +58,10 @@ def check_torque_sign(recording: Recording, chain: Chain, parameters: Array, sou
     There the torque nearly cancels the model's along the motion, in its mean and in its changes, and the
     drive takes work out of the joint on the whole. parameters: (14 n,) standard ones of the model.
     """
-    size = max(1, round(recording.sample_rate / MEANS_RATE))
-    if len(recording.time) < FEWEST_MEANS * size:
+    along = _means_along(recording, chain, parameters)
+    if along is None:
         return
-    time = _means(recording.time, size)
-    q, torque = _means(recording.position, size), _means(recording.torque, size)
-    dq = np.gradient(q, time, axis=0)
-    model = inverse_dynamics(chain, parameters, q, dq, np.gradient(dq, time, axis=0))
+    torque, model, dq, _ = along
     cancelled = _rms(torque + model) < OPPOSED * _rms(torque)
     changes = torque - torque.mean(axis=0)
     cancelled &= _rms(changes + model - model.mean(axis=0)) < OPPOSED * _rms(changes)
@@ -69,6 +70,47 @@ def check_torque_sign(recording: Recording, chain: Chain, parameters: Array, sou
         names = ", ".join(chain.joint_names[joint] for joint in backwards)
         expected = "the sign that turns a joint the way its position grows"
         raise InputError(source, "joint/torque", expected, f"the opposite at {names}")
+
+
+def check_torque_order(recording: Recording, chain: Chain, parameters: Array, source: object) -> None:
+    """Raise InputError, naming ``source``, where torques all but certainly stand in each other's columns.
+
+    There each follows the model's torque, speed, friction and acceleration of the other joint, whatever the
+    parameters, and hardly its own. parameters: (14 n,) standard ones of the model.
+    """
+    along = _means_along(recording, chain, parameters)
+    if along is None:
+        return
+    torque, model, dq, ddq = along
+    left, varied = np.ones((chain.joints, chain.joints)), np.var(torque, axis=0).clip(np.finfo(float).tiny)
+    for joint in np.flatnonzero(_rms(dq) > MOVING).tolist():
+        speed = dq[:, joint]
+        x = np.column_stack([model[:, joint], speed, np.sign(speed), ddq[:, joint], np.ones(len(dq))])
+        x /= np.maximum(_rms(x), np.finfo(float).tiny)
+        unexplained = torque - x @ np.linalg.lstsq(x, torque, rcond=None)[0]
+        left[:, joint] = np.var(unexplained, axis=0) / varied
+    joints, follow = linear_sum_assignment(left)
+    moved, others = joints[joints != follow], follow[joints != follow]
+    own = left[moved, moved]
+    if len(moved) and np.all(own > np.maximum(OWN_LEAVES, TIMES_OTHERS * left[moved, others])):
+        names = chain.joint_names
+        pairs = zip(moved.tolist(), others.tolist(), strict=True)
+        got = ", ".join(f"{names[joint]}'s following the motion of {names[other]}" for joint, other in pairs)
+        raise InputError(source, "joint/torque", "positions and torques in the order of joint_names", got)
+
+
+def _means_along(
+    recording: Recording, chain: Chain, parameters: Array
+) -> tuple[Array, Array, Array, Array] | None:
+    """Torque, the model's torque, speed and acceleration, (M, n) each, means; None of too short a log."""
+    size = max(1, round(recording.sample_rate / MEANS_RATE))
+    if len(recording.time) < FEWEST_MEANS * size:
+        return None
+    time = _means(recording.time, size)
+    q, torque = _means(recording.position, size), _means(recording.torque, size)
+    dq = np.gradient(q, time, axis=0)
+    ddq = np.gradient(dq, time, axis=0)
+    return torque, inverse_dynamics(chain, parameters, q, dq, ddq), dq, ddq
 
 
 def _wrap(time: Array, position: Array) -> int | None:

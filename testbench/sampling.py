@@ -40,6 +40,23 @@ def on_grid(recording: Recording) -> Recording:
     return replace(recording, **channels)
 
 
+def with_torque_in_time(recording: Recording, late: float) -> Recording:
+    """The recording with the torque that it has so much late, s, at the instants that it is of.
+
+    It ends so much earlier, as what acted then is not in it.
+    """
+    if late == 0:
+        return recording
+    kept = recording.time <= recording.time[-1] - late
+    channels: dict[str, Any] = {"time": recording.time[kept]}
+    for _, field, _, _ in CHANNELS:
+        values = getattr(recording, field)
+        channels[field] = None if values is None else values[kept]
+    instants = recording.time[kept] + late
+    channels["torque"] = interpolated(recording.time, recording.torque, instants, is_smooth=False)
+    return replace(recording, **channels)
+
+
 def interpolated(time: Array, values: Array, instants: Array, is_smooth: bool) -> Array:
     """Values (N, n) taken at these times (N,) at other instants (M,), (M, n): by a curve, or by lines."""
     if is_smooth:

@@ -1,4 +1,4 @@
-"""Logs that no robot gives: positions that wrap, degrees for radians, torque counted backwards."""
+"""Logs that no robot gives: positions that wrap, degrees for radians, torque backwards or another joint's."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from identification.errors import InputError
 from identification.parameters import ARMATURE, INERTIAL, PER_JOINT
 from testbench.cli import main
 from testbench.log import Recording, write_log
-from testbench.plausible_log import check_motion, check_torque_sign
+from testbench.plausible_log import check_motion, check_torque_order, check_torque_sign
 from testbench.robot import Robot
 
 from .synthetic import synthetic_result, synthetic_robot
@@ -39,9 +39,15 @@ def _check_sign(robot: Robot, recording: Recording, parameters: np.ndarray | Non
     check_torque_sign(recording, robot.chain, given, "log.h5")
 
 
+def _check_order(robot: Robot, recording: Recording, parameters: np.ndarray | None = None) -> None:
+    given = robot.parameters if parameters is None else parameters
+    check_torque_order(recording, robot.chain, given, "log.h5")
+
+
 def test_a_healthy_log_passes(robot, healthy):
     _check_motion(robot, healthy)
     _check_sign(robot, healthy)
+    _check_order(robot, healthy)
 
 
 def test_a_position_that_wraps_is_told_with_its_joint_and_time(robot, healthy):
@@ -109,6 +115,20 @@ def test_a_model_with_wrong_masses_and_no_friction_refuses_no_healthy_log(robot,
         table[:, INERTIAL:] = 0
         table[:, ARMATURE] = 0
         _check_sign(robot, healthy, table.ravel())
+        _check_order(robot, healthy, table.ravel())
+
+
+@pytest.mark.parametrize("channel", ["torque", "position"])
+@pytest.mark.parametrize("order", [(1, 0, 2), (0, 2, 1)])
+def test_columns_that_are_swapped_are_told_with_their_joints(robot, healthy, channel, order):
+    names = robot.joint_names
+    pairs = [(joint, other) for joint, other in enumerate(order) if joint != other]
+    got = ", ".join(f"{names[joint]}'s following the motion of {names[other]}" for joint, other in pairs)
+    swapped = replace(healthy, **{channel: getattr(healthy, channel)[:, list(order)]})
+    with pytest.raises(
+        InputError, match=f"joint/torque: expected .* in the order of joint_names, got {got}$"
+    ):
+        _check_order(robot, swapped)
 
 
 def test_gravity_that_points_the_other_way_is_left_to_the_diagnosis(robot, healthy):

@@ -113,6 +113,8 @@ def render(
         not_in_mjcf=list(not_in_mjcf),
         notes=[
             *diagnosis.notes,
+            *words.late(diagnosis),
+            *words.silent(diagnosis),
             *words.untold(diagnosis),
             *words.everywhere(diagnosis),
             *words.mended(diagnosis),

@@ -133,6 +133,14 @@ def untold(diagnosis: Diagnosis) -> list[str]:
     return [f"Too little moves in these runs for a name at {', '.join(names)}."] if names else []
 
 
+def late(diagnosis: Diagnosis) -> list[str]:
+    """By how much the logs had their torque late, and that it was taken back; nothing where they had not."""
+    seconds = diagnosis.prepared.late
+    if seconds == 0:
+        return []
+    return [f"The logs have all torque {1e3 * seconds:.3g} ms late against the positions; it was taken back."]
+
+
 def noise_unseen(diagnosis: Diagnosis) -> list[str]:
     """The joints whose noise floor is a bound, since their logs were low-passed; nothing where none was."""
     names = [diagnosis.robot.joint_names[joint] for joint in diagnosis.noise_unseen]
@@ -142,6 +150,12 @@ def noise_unseen(diagnosis: Diagnosis) -> list[str]:
     return [
         f"The torque of {place} was low-passed before it was logged: its noise is at most the floor told."
     ]
+
+
+def silent(diagnosis: Diagnosis) -> list[str]:
+    """The joints whose torque the logs do not have; nothing where they have all."""
+    names = [diagnosis.robot.joint_names[joint] for joint in sorted(diagnosis.prepared.silent)]
+    return [f"The logged torque of {', '.join(names)} never changes: nothing is told of it."] if names else []
 
 
 def everywhere(diagnosis: Diagnosis) -> list[str]:

@@ -1,0 +1,44 @@
+"""Logs whose torque is late against their positions: it is taken back before anything else is told.
+
+Drives report filtered currents, and messages of two senders are stamped as they arrive. A common timing error
+is among the unknowns of every hypothesis, but linear: from a few milliseconds on what it leaves would look
+like bristles or soft gearboxes.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from testbench.log import Recording
+from testbench.robot import Robot
+
+from .delay import likeliest_lateness
+from .evidence import fitted_to, squares
+from .ground import ground
+from .preparation import Prepared, prepare
+
+# Seconds; what is less, the timing among the unknowns says as well.
+LEAST = 2e-3
+# It is looked for where that linear timing is so late, s, or, as it says nothing of what is far off, where
+# re-identification leaves this share of half the joints' torque.
+FIRST_GUESS, LEFT = 1e-3, 0.1
+# How much likelier it must be, in units of log-likelihood: real ones are so by a thousand.
+SURELY = 100.0
+
+
+def aligned(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
+    """The runs as of ``prepare``, their torque as of their positions where the logs have it late."""
+    prepared = prepare(robot, recordings)
+    late = lateness(prepared)
+    return prepare(robot, recordings, late) if late > 0 else prepared
+
+
+def lateness(prepared: Prepared) -> float:
+    """Seconds by which all torque of these runs is surely late; 0 where the unknown timing says as well."""
+    hypothesis, fitted = fitted_to(prepared, [])
+    left = np.sqrt(squares(fitted.residual) / np.maximum(hypothesis.counts, 1))
+    poor = np.median(left / ground(prepared).torque_rms) > LEFT
+    if fitted.values[hypothesis.timing] < FIRST_GUESS and not poor:
+        return 0.0
+    late, likelier = likeliest_lateness(hypothesis, fitted)
+    return late if late > LEAST and likelier > SURELY else 0.0

@@ -1,0 +1,73 @@
+"""Logs whose torque is late against their positions: told, taken back, and no effect of the robot."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.alignment import aligned, lateness
+from diagnosis.correction import corrected_model
+from diagnosis.diagnose import diagnose
+from diagnosis.evidence import fitted_to
+from diagnosis.predict import predict_torque
+from diagnosis.preparation import Prepared, prepare
+from diagnosis.report import words
+from testbench.effects import parse_injection
+from testbench.log import Recording
+
+from .diagnosed import measured_only, simulated_runs
+
+# Samples of a millisecond.
+LATE, FAR_LATE = 12, 80
+
+
+@pytest.fixture(scope="module")
+def healthy(arm) -> dict[str, Recording]:
+    return {name: measured_only(run) for name, run in simulated_runs(arm, [], runs=3).items()}
+
+
+def _late(runs: dict[str, Recording], samples: int) -> dict[str, Recording]:
+    """The runs with their torque so many samples late, or early."""
+    return {name: replace(run, torque=np.roll(run.torque, samples, axis=0)) for name, run in runs.items()}
+
+
+def _timing(prepared: Prepared) -> tuple[float, float]:
+    """How late the torque is, s, by the unknown timing, and its deviation."""
+    hypothesis, fitted = fitted_to(prepared, [])
+    place = hypothesis.timing
+    return float(fitted.values[place]), float(np.sqrt(fitted.covariance[place, place]))
+
+
+@pytest.mark.parametrize("samples", [LATE, FAR_LATE])
+def test_late_torque_is_taken_back_as_far_as_it_is_late(arm, healthy, samples):
+    own, deviation = _timing(prepare(arm, healthy))
+    prepared = aligned(arm, _late(healthy, samples))
+    left, _ = _timing(prepared)
+    # A deviation of either, and a tenth of a sample for torque that is a line between two of them.
+    assert prepared.late + left == pytest.approx(1e-3 * samples + own, abs=5 * np.sqrt(2) * deviation + 1e-4)
+    assert prepared.runs[0].logged.samples == prepare(arm, healthy).runs[0].logged.samples - samples
+
+
+@pytest.mark.parametrize("samples", [-8, -1, 0, 1])
+def test_torque_that_is_early_or_hardly_late_is_left(arm, healthy, samples):
+    assert lateness(prepare(arm, _late(healthy, samples))) == 0
+
+
+def test_lateness_is_no_effect_of_a_healthy_robot(arm, healthy):
+    found = diagnose(arm, _late(healthy, LATE))
+    assert found.verdict in ("none", "parameters")
+    assert "ms late" in words.late(found)[0]
+    assert not words.late(diagnose(arm, healthy))
+
+
+def test_an_effect_is_named_in_late_logs_and_predicted_as_late(arm):
+    faulty = simulated_runs(
+        arm, [parse_injection(arm, "transmission_ripple:elbow:amplitude=0.6,cycles=12")], runs=3
+    )
+    known = {name: measured_only(faulty[name]) for name in ("run_1", "run_2")}
+    along = faulty["run_3"]
+    in_time, late = diagnose(arm, known), diagnose(arm, _late(known, LATE))
+    assert [(each.effect, each.joint) for each in late.effects] == [("transmission_ripple", 1)]
+    plain, shifted = (predict_torque(corrected_model(each), along).corrected for each in (in_time, late))
+    apart = shifted[LATE:] - plain[:-LATE]
+    assert np.all(np.sqrt(np.mean(apart**2, axis=0)) < 0.02 * np.sqrt(np.mean(plain**2, axis=0)))

@@ -1,0 +1,49 @@
+"""Torque that is not N·m at the joint, or not there at all: told, and no effect."""
+
+from dataclasses import replace
+
+import pytest
+
+from diagnosis.diagnose import diagnose
+from diagnosis.preparation import prepare
+from diagnosis.report import words
+from diagnosis.torque_scale import foreign_scales, in_words
+from testbench.log import Recording
+
+from .diagnosed import measured_only, simulated_runs
+
+
+@pytest.fixture(scope="module")
+def healthy(arm) -> dict[str, Recording]:
+    return {name: measured_only(run) for name, run in simulated_runs(arm, [], runs=3).items()}
+
+
+def _times(runs: dict[str, Recording], factors: list[float]) -> dict[str, Recording]:
+    return {name: replace(run, torque=run.torque * factors) for name, run in runs.items()}
+
+
+@pytest.mark.parametrize("factors", [[0.01, 0.01], [1.0, 50.0], [0.5, 2.0], [1.0, 1.0]])
+def test_what_no_model_is_off_by_is_found_with_its_factor(arm, healthy, factors):
+    found = foreign_scales(prepare(arm, _times(healthy, factors)))
+    foreign = {joint: factor for joint, factor in enumerate(factors) if factor in (0.01, 50.0)}
+    # The masses and the friction are the model's.
+    assert found == {joint: pytest.approx(factor, rel=0.01) for joint, factor in foreign.items()}
+
+
+def test_a_factor_of_every_joint_is_told_as_one(arm):
+    assert "of every joint is 0.01 times" in in_words(arm, {0: 0.008, 1: 0.0125})
+    assert "of shoulder is 0.01, elbow is 50 times" in in_words(arm, {0: 0.01, 1: 50.0})
+    assert not in_words(arm, {})
+
+
+def test_the_sentence_says_what_the_torque_may_be(arm, healthy):
+    found = diagnose(arm, _times(healthy, [0.01, 0.01]))
+    assert found.verdict == "parameters"
+    assert found.sentence.endswith("is it N·m (N), at the joint?")
+
+
+def test_a_joint_without_torque_spoils_nothing_of_the_others(arm, healthy):
+    found = diagnose(arm, _times(healthy, [1.0, 0.0]))
+    assert found.verdict in ("none", "parameters")
+    assert words.silent(found) == ["The logged torque of elbow never changes: nothing is told of it."]
+    assert words.untold(found) == []
