@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from testbench.log import Recording
 from testbench.robot import Robot
 
+from . import frames, torque_scale
 from .accepted import RESONANCE, Accepted
 from .alignment import aligned
 from .attribution import CONFUSABLE, Attribution, attribute
@@ -19,12 +20,11 @@ from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
 from .misleading import without_misleading
-from .naming import names_that_hold
+from .naming import closed_without_a_name, names_that_hold
 from .noise import noise
 from .preparation import Prepared
 from .recurrence import recurrence
-from .torque_scale import foreign_scales, in_words
-from .unclaimed import NOTHING, Unclaimed
+from .unclaimed import NOTHING, UNTOLD, Unclaimed
 
 Array = NDArray[np.float64]
 
@@ -53,17 +53,27 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     found, final = without_misleading(found, only)
     gap = _gap(prepared, only, final)
     fitted_gap = _rms(final[1].residual, final[0])
-    accepted, unmet = names_that_hold(found.accepted, gap, fitted_gap, _torque(found.prepared))
-    found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet))
+    torque = _torque(prepared)
+    accepted, unmet = names_that_hold(found.accepted, gap, fitted_gap, torque)
+    untold = closed_without_a_name(accepted, gap, torque)
+    found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold))
     named = [index for index, item in enumerate(found.accepted) if item.named]
     named.sort(key=lambda index: -found.accepted[index].score)
     effects = tuple(_named(found, index) for index in named)
-    verdict = _verdict(found, gap)
+    scales = torque_scale.foreign_scales(prepared)
+    # Torque in other units has another gravity, too.
+    elsewhere = None if scales else frames.misplaced(prepared)
+    if elsewhere is None:
+        verdict = _verdict(found, gap)
+        sentence = torque_scale.in_words(robot, scales) + _sentence(robot, verdict, effects, found, gap)
+    else:
+        # Beside such a gap whatever has a name stands for a part of it.
+        verdict, sentence = "unknown", frames.in_words(robot, elsewhere)
     hypothesis, fitted = final
     return Diagnosis(
         robot=robot,
         verdict=verdict,
-        sentence=_sentence(robot, verdict, effects, found, gap) + in_words(robot, foreign_scales(prepared)),
+        sentence=sentence,
         effects=effects if verdict == "effect" else (),
         ranked=_ranked(found, verdict),
         where=_where(found, only, gap, verdict),
@@ -227,6 +237,8 @@ def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
     if item.regime == NOTHING and item.share < NEXT_TO_NOTHING:
         joint = robot.joint_names[item.joint]
         return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"
+    if item.regime == UNTOLD:
+        return f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {UNTOLD}"
     followed = item.regime if item.regime == NOTHING else f"the joint's {item.regime}"
     likely = ": a base that rocks or a link that bends would" if item.regime == RESONANCE else ""
     if item.frequency is not None:

@@ -100,7 +100,8 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = Fa
     # What it explains at one joint may cost more at the others.
     if weighed.score <= 0:
         return False
-    if family.joint is None and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
+    several = stage.prepared.joints > 1
+    if family.joint is None and several and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
         return False
     least = SPRING_SHIFT if family.effect == SPRING else SMALLEST_SHIFT + by_chance(gain.candidate)
     shifts = gained_by_shift(stage, gain) > least and gained(stage, gain) > SMALLEST_SUM

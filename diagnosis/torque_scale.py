@@ -30,7 +30,7 @@ def foreign_scales(prepared: Prepared) -> dict[int, float]:
 
 
 def in_words(robot: Robot, scales: Mapping[int, float]) -> str:
-    """The factors of ``foreign_scales`` in a sentence that follows another; empty for none."""
+    """The factors of ``foreign_scales`` in a sentence that precedes another; empty for none."""
     if not scales:
         return ""
     factors = np.array(list(scales.values()))
@@ -38,4 +38,4 @@ def in_words(robot: Robot, scales: Mapping[int, float]) -> str:
         told = f"every joint is {np.exp(np.mean(np.log(factors))):.2g}"
     else:
         told = ", ".join(f"{robot.joint_names[joint]} is {factor:.2g}" for joint, factor in scales.items())
-    return f" The torque of {told} times the model's: is it N·m (N), at the joint?"
+    return f"The torque of {told} times the model's: is it N·m (N), at the joint? "

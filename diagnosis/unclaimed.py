@@ -54,6 +54,8 @@ BY_CHANCE = 3.0
 MORE_THAN_CHANCE = 2.0
 WORSE = 0.1
 NOTHING, TIMING = "nothing that was tried", "rate of torque"
+# What effects explain that these runs do not tell for sure.
+UNTOLD = "effects that these runs do not tell for sure"
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,24 @@ SCARA = """
 </mujoco>
 """
 
+# A test bench.
+PENDULUM = """
+<mujoco model="pendulum">
+  <compiler angle="radian"/>
+  <custom>
+    <numeric name="velocity_limit" data="4"/>
+    <numeric name="acceleration_limit" data="30"/>
+  </custom>
+  <worldbody>
+    <body name="bar" pos="0 0 .5">
+      <inertial pos=".15 0 .02" mass="4" fullinertia=".02 .06 .07 .002 .001 -.001"/>
+      <joint name="swing" axis="0 1 0" range="-2 2" armature=".1" damping="3" frictionloss="2"
+             actuatorfrcrange="-80 80"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
 SCENARIO = """
 name: small
 model: arm.xml

@@ -14,7 +14,7 @@ from testbench.effects import parse_injection
 from testbench.log import read_log
 from testbench.robot import load_robot
 from tests.diagnosed import simulated_runs
-from tests.small_arm import SCARA, small_arm
+from tests.small_arm import PENDULUM, SCARA, small_arm
 
 
 def _diagnosis(arm, *effects, without=(), seed=3, noise=0.002):
@@ -81,6 +81,14 @@ def test_what_effects_explain_is_told_of_their_joint_where_others_hide_it(
 ):
     gap = Gap(*map(np.array, ([9.0, 2.0], parameters, effects, floor)))
     assert shrunk_in_words(arm, 1, gap).startswith(expected)
+
+
+def test_a_delay_is_told_of_a_robot_of_one_joint(tmp_path):
+    bench = small_arm(tmp_path, PENDULUM)
+    delay = parse_injection(bench, "torque_delay::delay=0.005")
+    (found,) = diagnose(bench, simulated_runs(bench, [delay], runs=3)).effects
+    # Of one joint a drive that lags is much the same.
+    assert {found.effect, *found.confusable_with} == {"torque_delay", "actuator_lag"}
 
 
 @pytest.mark.parametrize(("law", "stiffness"), [("sine", 3.0), ("gas_spring", 2.0)])

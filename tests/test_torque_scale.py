@@ -39,7 +39,7 @@ def test_a_factor_of_every_joint_is_told_as_one(arm):
 def test_the_sentence_says_what_the_torque_may_be(arm, healthy):
     found = diagnose(arm, _times(healthy, [0.01, 0.01]))
     assert found.verdict == "parameters"
-    assert found.sentence.endswith("is it N·m (N), at the joint?")
+    assert found.sentence.startswith("The torque of every joint is 0.01 times the model's")
 
 
 def test_a_joint_without_torque_spoils_nothing_of_the_others(arm, healthy):

@@ -22,7 +22,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.evidence import fitted_to
 from diagnosis.findings import Gap
 from diagnosis.ground import ground
-from diagnosis.naming import as_fitted_at_last, names_that_hold
+from diagnosis.naming import as_fitted_at_last, closed_without_a_name, couples, names_that_hold
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
 from identification.parameters import COULOMB
@@ -163,7 +163,7 @@ def test_a_joint_that_warms_faster_than_any_by_all_runs_together_has_no_name(arm
     shape = taken_in.member.shape | {"time_constant": seconds}
     final = replace(taken_in, member=replace(taken_in.member, shape=shape))
     hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, taken_in.count)], accepted=[final])
-    fitted = SimpleNamespace(values=0.5 * np.eye(taken_in.count)[0])
+    fitted = SimpleNamespace(values=0.5 * np.eye(taken_in.count)[0], wald=lambda part: 100.0)
     (item,) = as_fitted_at_last(arm, hypothesis, fitted, [_accepted(taken_in)])
     assert item.named == named
     assert item.candidate is final
@@ -177,10 +177,45 @@ def test_what_all_runs_together_make_no_larger_than_a_healthy_joints_has_no_name
 ):
     taken_in = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 0)
     hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, 1)], accepted=[taken_in])
-    fitted = SimpleNamespace(values=np.array([share * arm.parameters[COULOMB]]))
+    fitted = SimpleNamespace(values=np.array([share * arm.parameters[COULOMB]]), wald=lambda part: 100.0)
     sized = replace(_accepted(taken_in), by_size=by_size)
     (item,) = as_fitted_at_last(arm, hypothesis, fitted, [sized])
     assert item.named == named
+
+
+@pytest.mark.parametrize(("wald", "named"), [(4.0, False), (25.0, True)])
+def test_what_later_effects_leave_nothing_of_has_no_name(arm, prepared, wald, named):
+    taken_in = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 0)
+    hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, 1)], accepted=[taken_in])
+    fitted = SimpleNamespace(values=np.array([arm.parameters[COULOMB]]), wald=lambda part: wald)
+    (item,) = as_fitted_at_last(arm, hypothesis, fitted, [_accepted(taken_in)])
+    assert item.named == named
+
+
+@pytest.mark.parametrize(
+    ("after", "torque", "named", "expected"),
+    [
+        (1.0, 50.0, False, [1]),
+        (1.0, 50.0, True, []),
+        # Imperfections of a healthy joint take off this much of its gap, but less of its torque.
+        (1.0, 150.0, False, []),
+        (8.0, 50.0, False, []),
+    ],
+)
+def test_a_gap_that_effects_without_a_name_close_is_told_as_unknown(prepared, after, torque, named, expected):
+    gap = Gap(*(np.array([1.0, each]) for each in (10.0, 10.0, after, 0.5)))
+    item = _accepted(candidates(prepared, only=["stribeck_friction"])[0], named=named)
+    found = closed_without_a_name([item], gap, np.array([torque, torque]))
+    assert [each.joint for each in found] == expected
+
+
+@pytest.mark.parametrize(("coulomb", "moved"), [(0.05, False), (0.8, True)])
+def test_a_shared_drive_moves_one_of_its_joints(arm, coulomb, moved):
+    shared = parse_injection(arm, f"joint_coupling:shoulder:into=elbow,viscous=0,coulomb={coulomb}")
+    prepared = prepare(arm, simulated_runs(arm, [shared]))
+    stage = Stage.of(ground(prepared), [])
+    gain = stage.gain(candidates(prepared, only=["joint_coupling"])[0])
+    assert couples(stage, gain) == moved
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,71 @@
+"""Models that stand otherwise than the robot: gravity elsewhere or not in the torque, another zero."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.diagnose import diagnose
+from diagnosis.frames import Misplaced, in_words, misplaced
+from diagnosis.preparation import prepare
+from identification.inverse_dynamics import inverse_dynamics
+from identification.parameters import INERTIAL, PER_JOINT
+from testbench.log import Recording
+from testbench.robot import Robot
+
+from .diagnosed import measured_only, simulated_runs
+
+
+@pytest.fixture(scope="module")
+def healthy(arm) -> dict[str, Recording]:
+    return {name: measured_only(run) for name, run in simulated_runs(arm, [], runs=3).items()}
+
+
+def _compensated(arm: Robot, run: Recording) -> Recording:
+    """The run with its torque less what holds the arm up."""
+    still, links = np.zeros_like(run.position), arm.parameters.reshape(-1, PER_JOINT).copy()
+    links[:, INERTIAL:] = 0
+    return replace(
+        run, torque=run.torque - inverse_dynamics(arm.chain, links.ravel(), run.position, still, still)
+    )
+
+
+def _heavier(arm: Robot, times: float) -> Robot:
+    table = arm.parameters.reshape(-1, PER_JOINT).copy()
+    table[:, :INERTIAL] *= times
+    return replace(arm, parameters=table.ravel())
+
+
+@pytest.mark.parametrize("times", [1.0, 1.2])
+@pytest.mark.parametrize("down", [(0.0, 0.0, 9.81), (9.81, 0.0, 0.0), (-6.0, 0.0, -7.8)])
+def test_gravity_that_points_elsewhere_is_found_by_roughly_right_masses(arm, healthy, down, times):
+    modelled = _heavier(replace(arm, chain=replace(arm.chain, gravity=np.array(down))), times)
+    found = misplaced(prepare(modelled, healthy))
+    assert found is not None
+    assert found.zero is None
+    felt = found.gravity / np.linalg.norm(found.gravity)
+    # In degrees, which half of the model's error in the masses would be one of.
+    assert np.rad2deg(np.arccos(felt @ [0, 0, -1])) < 5
+    assert "mounted" in in_words(arm, found)
+
+
+def test_torque_without_gravity_is_told_in_the_first_sentence(arm, healthy):
+    found = diagnose(arm, {name: _compensated(arm, run) for name, run in healthy.items()})
+    assert found.sentence.startswith("The logged torque has no gravity in it")
+    assert (found.verdict, found.effects) == ("unknown", ())
+
+
+def test_a_zero_of_another_convention_is_found_with_its_joint_and_angle(arm, healthy):
+    off = np.array([0, np.pi / 2])
+    turned = {name: replace(run, position=run.position + off) for name, run in healthy.items()}
+    found = misplaced(prepare(arm, turned))
+    assert found is not None
+    assert found.zero is not None
+    assert found.zero[0] == 1
+    assert found.zero[1] == pytest.approx(np.pi / 2, abs=0.02)
+    assert "elbow 90° from" in in_words(arm, Misplaced(arm.chain.gravity, (1, np.pi / 2)))
+
+
+@pytest.mark.parametrize("times", [0.7, 1.0, 1.4])
+def test_a_model_with_wrong_masses_stands_as_the_robot_does(arm, healthy, times):
+    assert misplaced(prepare(_heavier(arm, times), healthy)) is None
