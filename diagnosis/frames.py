@@ -22,11 +22,13 @@ Array = NDArray[np.float64]
 
 # Samples that are looked at, evenly spread over all runs.
 MOST = 800
-# Of all joints' torque, RMS: what a model leaves that is worth looking at; how much of its square must go.
-LEFT, EXPLAINED = 0.15, 0.75
-# Of gravity: a torque with less has none. rad: gravity that is turned by more is another mounting, and a zero
-# that is farther off is no encoder's.
-NO_GRAVITY, TURNED, ELSEWHERE = 0.25, np.deg2rad(20), np.deg2rad(4)
+# Of a joint's torque, RMS: what a model leaves that is worth looking at, at two joints. And how much of its
+# square must go, of all joints together and of these two: a cable or a payload may look like either at one.
+LEFT, EXPLAINED, EXPLAINED_THERE = 0.15, 0.9, 0.75
+# Of gravity: a torque with less has none; with another mounting it is as much, as masses are roughly right.
+NO_GRAVITY, AS_MUCH = 0.25, (0.6, 1.6)
+# rad: gravity that is turned by more is another mounting's, and a zero that is farther off is no encoder's.
+TURNED, ELSEWHERE = np.deg2rad(20), np.deg2rad(4)
 # rad, between angles that are tried.
 STEP = np.deg2rad(10)
 # Singular values below this share of the largest tell nothing of gravity.
@@ -48,21 +50,27 @@ class Misplaced:
 def misplaced(prepared: Prepared) -> Misplaced | None:
     """The frame that is not the robot's; None where the model stands as the robot does, or nothing tells."""
     seen = _Seen(prepared)
-    none = seen.left(seen.torque - seen.model(seen.q))
-    if none < LEFT**2:
+    before = seen.left(seen.torque - seen.model(seen.q))
+    if np.sum(before > LEFT**2) < 2:
         return None
-    gravity, left = seen.gravity()
+    gravity, after = seen.gravity()
     down = prepared.robot.chain.gravity
-    weight = float(np.linalg.norm(down))
-    if left < (1 - EXPLAINED) * none and weight > 0:
-        felt = float(np.linalg.norm(gravity))
+    weight, felt = float(np.linalg.norm(down)), float(np.linalg.norm(gravity))
+    if weight > 0 and _explains(before, after):
         turned = float(np.arccos(np.clip(gravity @ down / max(felt * weight, 1e-12), -1, 1)))
-        if felt < NO_GRAVITY * weight or turned > TURNED:
+        as_much = AS_MUCH[0] * weight < felt < AS_MUCH[1] * weight
+        if felt < NO_GRAVITY * weight or (as_much and turned > TURNED):
             return Misplaced(gravity)
-    joint, angle, left = seen.zero()
-    if left < (1 - EXPLAINED) * none and abs(angle) > ELSEWHERE:
+    joint, angle, after = seen.zero()
+    if _explains(before, after) and abs(angle) > ELSEWHERE:
         return Misplaced(down, (joint, angle))
     return None
+
+
+def _explains(before: Array, after: Array) -> bool:
+    """Whether nearly all goes, at two joints at least. before, after: (n,) squared shares of their torque."""
+    there = (before > LEFT**2) & (after < (1 - EXPLAINED_THERE) * before)
+    return bool(np.sum(there) >= 2 and after.sum() < (1 - EXPLAINED) * before.sum())
 
 
 def in_words(robot: Robot, found: Misplaced) -> str:
@@ -106,43 +114,47 @@ class _Seen:
         """The model's torque (M, n) along the motion from other positions (M, n)."""
         return inverse_dynamics(self.chain, self.links, q, self.dq, self.ddq)
 
-    def projected(self, torque: Array) -> Array:
-        """A torque (M, n), joint by joint, each as a share of its own, without what is projected out."""
+    def projected(self, torque: Array) -> list[Array]:
+        """A torque (M, n), a joint each, as a share of its own, without what is projected out."""
         parts = []
         for (basis, own, size), column in zip(self.bases, torque.T, strict=True):
             part = column[own]
             parts.append((part - basis @ (basis.T @ part)) / size)
-        return np.concatenate(parts)
+        return parts
 
-    def left(self, torque: Array) -> float:
-        """Its mean square over the joints."""
-        return float(np.sum(self.projected(torque) ** 2)) / len(self.bases)
+    def left(self, torque: Array) -> Array:
+        """Its mean square, (n,)."""
+        return np.array([float(part @ part) for part in self.projected(torque)])
 
-    def gravity(self) -> tuple[Array, float]:
-        """Gravity (3,) m/s² that explains most, as near to the model's as can be; and what it leaves."""
+    def gravity(self) -> tuple[Array, Array]:
+        """Gravity (3,) m/s² that explains most, as near to the model's as can be; what it leaves, (n,)."""
         still = np.zeros_like(self.q)
         weights = [
             inverse_dynamics(replace(self.chain, gravity=axis), self.links, self.q, still, still)
             for axis in np.eye(3)
         ]
-        x = np.column_stack([self.projected(weight) for weight in weights])
-        y = self.projected(self.torque - self.model(self.q))
-        more = np.linalg.lstsq(x, y, rcond=TELLS)[0]
-        return self.chain.gravity + more, float(np.sum((y - x @ more) ** 2)) / len(self.bases)
+        x = np.column_stack([np.concatenate(self.projected(weight)) for weight in weights])
+        gap = self.torque - self.model(self.q)
+        more = np.linalg.lstsq(x, np.concatenate(self.projected(gap)), rcond=TELLS)[0]
+        after = self.left(gap - np.tensordot(more, np.array(weights), axes=1))
+        return self.chain.gravity + more, after
 
-    def zero(self) -> tuple[int, float, float]:
-        """The hinge and the angle, rad, that explain most, taken off its positions; and what that leaves."""
-        best = (0, 0.0, np.inf)
+    def zero(self) -> tuple[int, float, Array]:
+        """The hinge and the angle, rad, that explain most, taken off its positions; what they leave, (n,)."""
+        best = (0, 0.0, np.full(self.chain.joints, np.inf))
         for joint in np.flatnonzero(~self.chain.is_slide).tolist():
             axis = np.eye(self.chain.joints)[joint]
 
-            def left(angle: float, axis: Array = axis) -> float:
+            def left(angle: float, axis: Array = axis) -> Array:
                 return self.left(self.torque - self.model(self.q - angle * axis))
 
-            tried = np.arange(-np.pi, np.pi, STEP).tolist()
-            nearest = min(tried, key=left)
-            near = (nearest - STEP, nearest + STEP)
-            found = minimize_scalar(left, bounds=near, method="bounded", options={"xatol": 1e-4})
-            if found.fun < best[2]:
-                best = (joint, float(found.x), float(found.fun))
+            nearest = min(np.arange(-np.pi, np.pi, STEP).tolist(), key=lambda angle: left(angle).sum())
+            found = minimize_scalar(
+                lambda angle: left(angle).sum(),
+                bounds=(nearest - STEP, nearest + STEP),
+                method="bounded",
+                options={"xatol": 1e-4},
+            )
+            if found.fun < best[2].sum():
+                best = (joint, float(found.x), left(float(found.x)))
         return best

@@ -241,11 +241,13 @@ def names_that_hold(
 def closed_without_a_name(accepted: Sequence[Accepted], gap: Gap, torque: Array) -> tuple[Unclaimed, ...]:
     """The joints whose gap effects without a name close, where none has one: what acts there is not told.
 
-    gap, torque: as of ``names_that_hold``.
+    What other joints have alike is told as that. gap, torque: as of ``names_that_hold``.
     """
     if any(item.named for item in accepted):
         return ()
     closed = np.maximum(gap.parameters**2 - gap.effects**2, 0.0)
     share = closed / np.maximum(gap.parameters**2, np.finfo(float).tiny)
     much = (closed > (CLOSED_TORQUE * torque) ** 2) & (share > CLOSED_SHARE)
-    return tuple(Unclaimed(joint, UNTOLD, float(share[joint])) for joint in np.flatnonzero(much).tolist())
+    alike = {item.candidate.family.joint for item in accepted if item.is_everywhere}
+    joints = [joint for joint in np.flatnonzero(much).tolist() if joint not in alike]
+    return tuple(Unclaimed(joint, UNTOLD, float(share[joint])) for joint in joints)

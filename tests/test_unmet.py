@@ -207,6 +207,9 @@ def test_a_gap_that_effects_without_a_name_close_is_told_as_unknown(prepared, af
     item = _accepted(candidates(prepared, only=["stribeck_friction"])[0], named=named)
     found = closed_without_a_name([item], gap, np.array([torque, torque]))
     assert [each.joint for each in found] == expected
+    alike = replace(item, is_everywhere=True, candidate=candidates(prepared, only=["stribeck_friction"])[-1])
+    assert alike.candidate.family.joint == 1
+    assert not closed_without_a_name([alike], gap, np.array([torque, torque]))
 
 
 @pytest.mark.parametrize(("coulomb", "moved"), [(0.05, False), (0.8, True)])
