@@ -62,13 +62,13 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     effects = tuple(_named(found, index) for index in named)
     scales = torque_scale.foreign_scales(prepared)
     # Torque in other units has another gravity, too.
-    elsewhere = None if scales else frames.misplaced(prepared)
-    if elsewhere is None:
+    misplaced = None if scales else frames.misplaced(prepared)
+    if misplaced is None:
         verdict = _verdict(found, gap)
         sentence = torque_scale.in_words(robot, scales) + _sentence(robot, verdict, effects, found, gap)
     else:
         # Beside such a gap whatever has a name stands for a part of it.
-        verdict, sentence = "unknown", frames.in_words(robot, elsewhere)
+        verdict, sentence = "unknown", frames.in_words(robot, misplaced)
     hypothesis, fitted = final
     return Diagnosis(
         robot=robot,
@@ -89,6 +89,8 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         everywhere=tuple(
             (a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.is_everywhere
         ),
+        misplaced=misplaced,
+        scales=scales,
     )
 
 

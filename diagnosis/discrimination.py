@@ -70,9 +70,10 @@ def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | Non
 
     Random feasible motions of several kinds, the best of them improved by a (1+1) evolution strategy. The
     same seed gives the same motion. Where a model sets too few limits, what the runs reached stands in for
-    them. Where no motion tells them apart, or none can be designed, only the words say what to do.
+    them. Where no motion tells them apart, or none can be designed, only the words say what to do. Where a
+    frame of the model is not the robot's, that is mended first.
     """
-    open_ = still_open(diagnosis)
+    open_ = None if diagnosis.misplaced else still_open(diagnosis)
     if open_ is None:
         return None
     judge = Separation(diagnosis, open_)

@@ -15,6 +15,7 @@ from .correction import corrected_model, correction_document
 from .discrimination import NextExperiment
 from .findings import Diagnosis, NamedEffect, RegimeShare
 from .forward import ForwardGap
+from .frames import Misplaced
 
 FORMAT, VERSION = "gap-diagnosis", 1
 
@@ -112,6 +113,8 @@ def diagnosis_document(
         "next_experiment": None if next_experiment is None else _experiment(next_experiment),
         "not_in_mjcf": list(not_in_mjcf),
         "notes": list(diagnosis.notes),
+        "misplaced": _misplaced(diagnosis.misplaced, names),
+        "torque_scale": {names[joint]: _number(factor) for joint, factor in diagnosis.scales.items()},
         "late": _number(diagnosis.prepared.late),
         "noise_unseen": [names[joint] for joint in diagnosis.noise_unseen],
         "silent": [names[joint] for joint in sorted(diagnosis.prepared.silent)],
@@ -120,6 +123,14 @@ def diagnosis_document(
         "everywhere": [{"effect": effect, "joint": name(joint)} for effect, joint in diagnosis.everywhere],
         "correction": correction_document(corrected_model(diagnosis)),
     }
+
+
+def _misplaced(found: Misplaced | None, names: Sequence[str]) -> dict[str, Any] | None:
+    """Gravity as the robot feels it, m/s², and the joint whose zero is elsewhere with its angle, rad."""
+    if found is None:
+        return None
+    zero = None if found.zero is None else {"joint": names[found.zero[0]], "angle": _number(found.zero[1])}
+    return {"gravity": _numbers(found.gravity), "zero": zero}
 
 
 def _regime(part: RegimeShare) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """What a diagnosis says: verdict, effects, where the gap lies, how far it shrinks."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +12,7 @@ from testbench.robot import Robot
 
 from .candidates import Candidate
 from .evidence import Fit
+from .frames import Misplaced
 from .hypothesis import Design
 from .noise import noise
 from .preparation import Prepared
@@ -158,7 +160,8 @@ class Diagnosis:
     common torque delay that goes with them, beside how late ``prepared`` says that the logs have it.
     not_observable: effects nothing of which would show.
     recurrence: the push as one that every run has. everywhere: effects fitted without a name, as other joints
-    are about as imperfect.
+    are about as imperfect. misplaced: the frame of the model that is not the robot's, beside which nothing is
+    told. scales: by joint, the factor of logged torque to the model's, where that is in other units.
     """
 
     robot: Robot
@@ -177,6 +180,8 @@ class Diagnosis:
     notes: tuple[str, ...] = field(default_factory=tuple)
     recurrence: Recurrence | None = None
     everywhere: tuple[tuple[str, int | None], ...] = ()
+    misplaced: Misplaced | None = None
+    scales: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def mended(self) -> dict[str, int]:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from diagnosis.diagnose import diagnose
+from diagnosis.discrimination import next_experiment
+from diagnosis.document import diagnosis_document
 from diagnosis.frames import Misplaced, in_words, misplaced
 from diagnosis.preparation import prepare
 from identification.inverse_dynamics import inverse_dynamics
@@ -56,6 +58,11 @@ def test_torque_without_gravity_is_told_in_the_first_sentence(arm, healthy):
     found = diagnose(arm, {name: _compensated(arm, run) for name, run in healthy.items()})
     assert found.sentence.startswith("The logged torque has no gravity in it")
     assert (found.verdict, found.effects) == ("unknown", ())
+    assert next_experiment(found) is None
+    told = diagnosis_document(found)["misplaced"]
+    # A twentieth of what the model has, by masses that are the robot's.
+    assert np.linalg.norm(told["gravity"]) < 0.5
+    assert told["zero"] is None
 
 
 def test_a_zero_of_another_convention_is_found_with_its_joint_and_angle(tmp_path):

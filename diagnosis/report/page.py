@@ -110,6 +110,7 @@ def render(
         forward_failed=[] if forward is None else list(forward.failed.items()),
         experiment=next_experiment,
         unknown=diagnosis.verdict == "unknown",
+        misplaced=diagnosis.misplaced is not None,
         not_in_mjcf=list(not_in_mjcf),
         notes=[
             *diagnosis.notes,
