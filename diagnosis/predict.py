@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from identification.differentiation import differentiate
 from identification.errors import InputError
-from identification.inverse_dynamics import inverse_dynamics
 from identification.models import POSITION_BAND
 from testbench.effects import effect
 from testbench.effects.signature import Logged
@@ -30,6 +29,9 @@ from .preparation import filter_cutoff
 Array = NDArray[np.float64]
 
 DOCUMENT = "diagnosis.json"
+# rad/s (m/s), w of fc tanh(v / w) where friction jumps with the speed's sign: of a joint at rest that sign is
+# the encoder's noise, and none of its friction is foretold.
+AT_REST = 0.005
 
 
 @dataclass(frozen=True)
@@ -99,8 +101,8 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     replaced by what the models say.
     """
     logged = logged_motion(model, recording)
-    along = (logged.q, logged.dq, logged.ddq)
-    nominal = inverse_dynamics(model.chain, model.nominal, *along)
+    given = replace(logged, coulomb_smoothing=np.full(logged.joints, AT_REST), coulomb_lead=0.0)
+    nominal = replace(given, parameters=model.nominal).predicted
     parameters, corrected = (replace(logged, parameters=p).predicted for p in (model.parameters, model.final))
     corrected = _shifted(corrected, model.final_timing * logged.sample_rate)
     for torque in _term_torques(model.terms, logged):
@@ -167,7 +169,7 @@ def logged_motion(model: Corrected, recording: Recording) -> Logged:
         reference_acceleration=recording.reference_acceleration,
         body_rotation=model.body_rotation,
         body_origin=model.body_origin,
-        coulomb_smoothing=model.coulomb_smoothing,
+        coulomb_smoothing=np.maximum(model.coulomb_smoothing, AT_REST),
         coulomb_lead=model.coulomb_lead,
     )
     return replace(logged, tau=logged.predicted, torque_command=_command(model, recording, logged.dq))

@@ -26,6 +26,8 @@ FARTHER, NEAR = 10.0, 50
 SHARE_OF_RANGE, SHARE_OF_TORQUE = 1e-4, 1.0
 # ... and than so many steps of the encoder, and this share of what the joint moves there in one sample.
 STEPS, SHARE_OF_MOTION = 8.0, 0.5
+# A held sample is followed by a step of more than so many counts of an encoder.
+COUNTS = 2.0
 # Good samples to either side that a lost one is interpolated from.
 NEIGHBOURS = 4
 
@@ -52,8 +54,12 @@ def _held(recording: Recording) -> Mask:
     again = np.zeros(len(recording.time), bool)
     rows = np.concatenate([getattr(recording, field) for field in REQUIRED], axis=1)
     again[1:] = np.all(rows[1:] == rows[:-1], axis=1)
+    is_told = recording.torque.any()
+    step = np.array([_step(position) for position in recording.position.T])
     for first, last in _stretches(again):
-        if last - first > MOST_LOST:
+        # Where torque is not known a joint that hardly moves repeats its counts as well.
+        moved = recording.position[min(last, len(again) - 1)] - recording.position[first - 1]
+        if last - first > MOST_LOST or not (is_told or np.any(np.abs(moved) > COUNTS * step)):
             again[first:last] = False
     return again
 
@@ -75,9 +81,14 @@ def _spoiled(recording: Recording) -> Mask:
 
 def _least(position: Array) -> float:
     """How far a spoiled sample of these (N,) is off at least: of their range, or in steps of the encoder."""
+    return max(SHARE_OF_RANGE * float(np.ptp(position)), STEPS * _step(position))
+
+
+def _step(position: Array) -> float:
+    """The smallest step of these (N,); 0 for none."""
     steps = np.abs(np.diff(position))
     step = float(np.min(steps, where=steps > 0, initial=np.inf))
-    return max(SHARE_OF_RANGE * float(np.ptp(position)), STEPS * step if np.isfinite(step) else 0.0)
+    return step if np.isfinite(step) else 0.0
 
 
 def _alone(time: Array, values: Array, least: float) -> Mask:

@@ -1,5 +1,6 @@
 """Torque predicted along other logs by the corrected model."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -10,10 +11,13 @@ from diagnosis.correction import Term, corrected_model
 from diagnosis.findings import Diagnosis
 from diagnosis.predict import logged_motion, predict, predict_torque, term_torque
 from identification.filtering import zero_phase_lowpass
+from identification.inverse_dynamics import inverse_dynamics
+from identification.parameters import COULOMB, PER_JOINT, VISCOUS
 from testbench.effects import effects
 from testbench.effects.base import Scope
 from testbench.log import Recording, read_log
 
+from ..diagnosed import measured_only
 from .arm import LIFT
 
 
@@ -86,3 +90,29 @@ def test_every_effect_of_the_catalogue_can_be_predicted(
         assert torque.shape == run.position.shape
         assert np.isfinite(torque).all()
         assert np.any(torque != 0)
+
+
+def test_a_joint_at_rest_has_no_friction_foretold_and_its_counts_are_no_lost_samples(
+    answer: Diagnosis, runs: dict[str, Recording]
+) -> None:
+    """Of drives that stand, encoders flicker by a count, which had been friction or a step at the end."""
+    model, moving = corrected_model(answer), runs["run_3"]
+    count = 2.4e-5
+    flicker = count * np.repeat([0, 1, 0, 1, 0], [40, 3, 50, 3, 5])[:, None]
+    standing = np.round(moving.position[:1] / count) * count + np.tile(flicker, (4, 3))
+    still = replace(
+        measured_only(moving),
+        time=np.arange(len(standing)) / moving.sample_rate,
+        position=standing,
+        torque=np.zeros_like(standing),
+    )
+    predicted = predict_torque(model, still).corrected
+    zero = np.zeros((1, 3))
+    links = model.final.reshape(-1, PER_JOINT).copy()
+    friction = links[:, COULOMB].copy()
+    links[:, [VISCOUS, COULOMB]] = 0
+    holding = inverse_dynamics(model.chain, links.ravel(), standing[:1], zero, zero)
+    off = np.sqrt(np.mean((predicted - holding) ** 2, axis=0))
+    assert np.all(off < 0.5 * friction)
+    # Nothing of a run of joints that stand is as much as it takes to move them.
+    assert np.all(np.abs(predicted - holding).max(axis=0) < 3 * friction)
