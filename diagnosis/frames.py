@@ -82,7 +82,8 @@ def in_words(robot: Robot, found: Misplaced) -> str:
     elif np.linalg.norm(found.gravity) < NO_GRAVITY * np.linalg.norm(robot.chain.gravity):
         told = "The logged torque has no gravity in it, and the model has: was it logged after compensation?"
     else:
-        down = ", ".join(f"{value:.1f}" for value in found.gravity)
+        # Not -0.0.
+        down = ", ".join(f"{value:.1f}" for value in np.round(found.gravity, 1) + 0.0)
         told = f"The robot feels gravity as ({down}) m/s², and not as in the model: is it mounted so?"
     return f"{told} Mend that first: beside it nothing else is told."
 
