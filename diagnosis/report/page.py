@@ -54,6 +54,7 @@ def render(
         created=created,
         runs=[run.name for run in diagnosis.prepared.runs],
         sentence=diagnosis.sentence,
+        of_the_logs=[*words.late(diagnosis), *words.silent(diagnosis)],
         tiles=_tiles(diagnosis),
         where=plot("where", "", heat_map.where(diagnosis)) if densest else None,
         densest=densest,
@@ -114,8 +115,6 @@ def render(
         not_in_mjcf=list(not_in_mjcf),
         notes=[
             *diagnosis.notes,
-            *words.late(diagnosis),
-            *words.silent(diagnosis),
             *words.untold(diagnosis),
             *words.everywhere(diagnosis),
             *words.mended(diagnosis),

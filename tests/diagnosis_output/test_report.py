@@ -80,3 +80,10 @@ def test_session_holds_both_residuals_and_the_moving_arm(answer: Diagnosis, tmp_
         assert f"/{run.name}/joints/turn/effects/1_stribeck_friction" not in rows
         assert rows[f"/{run.name}/arm/measured/ram"] == len(run.logged.time[:: round(1000 / POSE_RATE)])
     assert {"/summary", "/evidence"} <= set(rows)
+
+
+def test_page_says_first_what_the_logs_have_late(answer: Diagnosis) -> None:
+    late = replace(answer, prepared=replace(answer.prepared, late=0.012))
+    text = render(late, "now")
+    assert text.index("all torque 12 ms late") < text.index("Which effect")
+    assert "ms late" not in render(answer, "now")
