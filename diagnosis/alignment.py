@@ -13,7 +13,7 @@ from testbench.log import Recording
 from testbench.robot import Robot
 
 from .delay import likeliest_lateness
-from .evidence import fitted_to, squares
+from .evidence import fitted_to, rms
 from .ground import ground
 from .preparation import Prepared, prepare
 
@@ -36,8 +36,7 @@ def aligned(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
 def lateness(prepared: Prepared) -> float:
     """Seconds by which all torque of these runs is surely late; 0 where the unknown timing says as well."""
     hypothesis, fitted = fitted_to(prepared, [])
-    left = np.sqrt(squares(fitted.residual) / np.maximum(hypothesis.counts, 1))
-    poor = np.median(left / ground(prepared).torque_rms) > LEFT
+    poor = np.median(rms(fitted.residual, hypothesis) / ground(prepared).torque_rms) > LEFT
     if fitted.values[hypothesis.timing] < FIRST_GUESS and not poor:
         return 0.0
     late, likelier = likeliest_lateness(hypothesis, fitted)

@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 # Seconds: steps of what is tried, how near the likeliest is found, and how late a log may have its torque.
 STEP, TOLERANCE, LATEST = 0.003, 1e-6, 0.1
-_DELAYS = np.arange(0.0, effect(DELAY).DESCRIPTION.parameters[0].upper, STEP)
-_LATENESSES = np.arange(-LATEST, TOLERANCE, STEP)
+DELAYS = np.arange(0.0, effect(DELAY).DESCRIPTION.parameters[0].upper, STEP)
+LATENESSES = np.arange(-LATEST, TOLERANCE, STEP)
 
 
 def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
@@ -30,7 +30,7 @@ def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
     hypothesis: with the delay as one of its effects, or without.
     """
     shifted = _Shifted(hypothesis, fitted)
-    delay = shifted.likeliest(_DELAYS)
+    delay = shifted.likeliest(DELAYS, TOLERANCE, np.inf)
     values = shifted.fit(delay)[1]
     for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         if each.family.effect == DELAY:
@@ -45,8 +45,8 @@ def likeliest_lateness(hypothesis: Design, fitted: Fit) -> tuple[float, float]:
     the logs were taken.
     """
     shifted = _Shifted(hypothesis, fitted)
-    late = -shifted.likeliest(_LATENESSES)
-    return late, shifted.fit(-late)[0] - max(shifted.fit(delay)[0] for delay in _DELAYS.tolist())
+    late = -shifted.likeliest(LATENESSES, -np.inf, -TOLERANCE)
+    return late, shifted.fit(-late)[0] - max(shifted.fit(delay)[0] for delay in DELAYS.tolist())
 
 
 class _Shifted:
@@ -62,11 +62,10 @@ class _Shifted:
         self.xy = np.sum([self._products(run, left) for run, left in enumerate(self.base.gap)], axis=0)
         self.known: dict[tuple[int, int], tuple[Array, Array]] = {}
 
-    def likeliest(self, tried: Array) -> float:
-        """The likeliest delay, s, near the likeliest of those that are tried, of their sign."""
+    def likeliest(self, tried: Array, least: float, most: float) -> float:
+        """The likeliest delay, s, near the likeliest of those that are tried, from the least to the most."""
         nearest = tried[np.argmax([self.fit(delay)[0] for delay in tried.tolist()])]
-        lower, upper = nearest - STEP, nearest + STEP
-        bounds = (max(lower, TOLERANCE), upper) if tried[-1] > STEP else (lower, min(upper, -TOLERANCE))
+        bounds = max(nearest - STEP, least), min(nearest + STEP, most)
         found = minimize_scalar(
             lambda delay: -self.fit(delay)[0], bounds=bounds, method="bounded", options={"xatol": TOLERANCE}
         )

@@ -14,7 +14,7 @@ from .accepted import RESONANCE, Accepted
 from .alignment import aligned
 from .attribution import CONFUSABLE, Attribution, attribute
 from .deviations import covariance_with_shapes
-from .evidence import Fit, on_whole_runs, standard_values
+from .evidence import Fit, on_whole_runs, rms, standard_values
 from .findings import LITTLE_CLOSED, Diagnosis, Gap, NamedEffect, RankedCandidate, Share
 from .hypothesis import Design
 from .intervals import rms_interval
@@ -52,7 +52,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     only = found.parameters_only[0], on_whole_runs(*found.parameters_only)
     found, final = without_misleading(found, only)
     gap = _gap(prepared, only, final)
-    fitted_gap = _rms(final[1].residual, final[0])
+    fitted_gap = rms(final[1].residual, final[0])
     torque = _torque(prepared)
     accepted, unmet = names_that_hold(found.accepted, gap, fitted_gap, torque)
     untold = closed_without_a_name(accepted, gap, torque)
@@ -105,22 +105,16 @@ def _where(found: Attribution, only: tuple[Design, Fit], gap: Gap, verdict: str)
     return tuple(sorted(shares, key=lambda share: order.get(share.joint, len(order))))
 
 
-def _rms(runs: Sequence[Array], hypothesis: Design) -> Array:
-    """RMS (n,) over the used samples of all runs; runs are zero elsewhere."""
-    counts = np.maximum(hypothesis.counts, 1)
-    return np.sqrt(sum(np.sum(np.asarray(run) ** 2, axis=0) for run in runs) / counts)
-
-
 def _gap(prepared: Prepared, only: tuple[Design, Fit], final: tuple[Design, Fit]) -> Gap:
     """What is left of whole runs held out, by re-identification alone and with the effects."""
     first, first_fit = only
     nominal = [np.where(used, gap, 0.0) for used, gap in zip(first.used, first.gap, strict=True)]
-    parameters = _rms(first_fit.held_out, first)
-    effects = _rms(final[1].held_out, final[0])
+    parameters = rms(first_fit.held_out, first)
+    effects = rms(final[1].held_out, final[0])
     floor = np.minimum(noise(prepared).rms, np.minimum(effects, parameters))
     runs = (nominal, first_fit.held_out, final[1].held_out)
     intervals = np.array([rms_interval(prepared, residual) for residual in runs])
-    return Gap(_rms(nominal, first), parameters, effects, floor, intervals)
+    return Gap(rms(nominal, first), parameters, effects, floor, intervals)
 
 
 def _verdict(found: Attribution, gap: Gap) -> str:
@@ -148,7 +142,7 @@ def _closes_more(found: Attribution) -> bool:
     pushed = any(item.candidate.is_event for item in named)
     if not pushed and len(nothing) >= max(0.5 * found.prepared.joints, 2):
         return False
-    before = _rms(found.parameters_only[1].held_out, found.parameters_only[0]) / _torque(found.prepared)
+    before = rms(found.parameters_only[1].held_out, found.parameters_only[0]) / _torque(found.prepared)
     misfits = [
         (FAR_LESS if item.regime == NOTHING else 1.0) * item.share * before[item.joint] ** 2
         for item in found.unknown

@@ -209,6 +209,11 @@ def squares(residual: Sequence[Array]) -> Array:
     return np.sum([np.sum(run**2, axis=0) for run in residual], axis=0)
 
 
+def rms(residual: Sequence[Array], hypothesis: Design) -> Array:
+    """RMS (n,) of all runs (M, n) over the samples that count; what is left is zero elsewhere."""
+    return np.sqrt(squares(residual) / np.maximum(hypothesis.counts, 1))
+
+
 def is_extrapolated(together: Array, left_out: Array) -> NDArray[np.bool_]:
     """Whether what is left without a part of the runs is none of the robot's: nothing else told of that part.
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .evidence import Fit
+from .evidence import Fit, rms
 from .findings import RegimeShare, Share
 from .hypothesis import Design
 from .intervals import blocks, drawn_sums, interval
@@ -133,10 +133,9 @@ def where(prepared: Prepared, parameters_only: tuple[Design, Fit], noise: Array)
     noise: (n,) N·m, RMS that noise alone leaves.
     """
     hypothesis, fitted = parameters_only
-    counts = np.maximum(hypothesis.counts, 1)
-    rms = np.sqrt(sum(np.sum(r**2, axis=0) for r in fitted.held_out) / counts)
-    torque = np.sqrt(sum(np.sum(run.torque**2, axis=0) for run in prepared.runs) / counts)
-    excess = np.maximum(rms**2 - noise**2, 0) / np.maximum(torque, 1e-12) ** 2
+    gap = rms(fitted.held_out, hypothesis)
+    torque = rms([run.torque for run in prepared.runs], hypothesis)
+    excess = np.maximum(gap**2 - noise**2, 0) / np.maximum(torque, 1e-12) ** 2
     total = max(float(excess.sum()), 1e-300)
     found = []
     for joint in range(prepared.joints):
@@ -147,7 +146,7 @@ def where(prepared: Prepared, parameters_only: tuple[Design, Fit], noise: Array)
                 joint=joint,
                 regime="everywhere" if named is None else named.regime,
                 share=float(excess[joint] / total),
-                gap_rms=float(rms[joint]),
+                gap_rms=float(gap[joint]),
                 noise_rms=float(noise[joint]),
                 regimes=tuple(shares),
             )

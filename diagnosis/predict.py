@@ -109,7 +109,7 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
         corrected += torque
     parameters = _shifted(parameters, model.parameters_timing * logged.sample_rate)
     late = model.late * logged.sample_rate
-    torques = (nominal, *(_shifted(torque, late) if late else torque for torque in (parameters, corrected)))
+    torques = (nominal, _shifted(parameters, late), _shifted(corrected, late))
     # A log whose time stamps stray was resampled.
     return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
 

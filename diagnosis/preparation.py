@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from identification.signals import Motion
 from identification.springs import spring_torque
 from testbench.effects.logged import Logged, body_in_link
 from testbench.effects.signature import Window
-from testbench.log import CHANNELS, Recording
+from testbench.log import Recording, with_channels
 from testbench.lost_samples import lost_samples, mended
 from testbench.robot import Robot
 from testbench.sampling import motion, on_grid, with_torque_in_time
@@ -222,11 +221,8 @@ def thinned(recording: Recording, fast: float) -> Recording:
         whole = len(samples) // count * count
         return samples[:whole].reshape(-1, count, *samples.shape[1:]).mean(axis=1)
 
-    channels: dict[str, Any] = {"time": means(recording.time)}
-    for _, field, _, _ in CHANNELS:
-        values = getattr(recording, field)
-        channels[field] = None if values is None else means(values)
-    return replace(recording, sample_rate=recording.sample_rate / count, **channels)
+    slower = replace(recording, sample_rate=recording.sample_rate / count)
+    return with_channels(slower, means(recording.time), lambda _, own: means(own))
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from testbench.robot import Robot
 
+from .ground import ground
 from .preparation import Prepared
 
 # No model of the robot is so many times off where its torque goes with the log's by this correlation.
@@ -21,7 +22,7 @@ IN_COMMON = 2.0
 def foreign_scales(prepared: Prepared) -> dict[int, float]:
     """By joint, the factor of its logged torque to the model's, where no model is so far off."""
     torque = np.concatenate([run.torque for run in prepared.runs])
-    model = np.concatenate([run.rows @ prepared.nominal for run in prepared.runs])
+    model = torque - np.concatenate(ground(prepared).gap)
     both, own = np.sum(torque * model, axis=0), np.sum(model**2, axis=0)
     alike = both / np.sqrt(np.maximum(own * np.sum(torque**2, axis=0), np.finfo(float).tiny))
     factor = both / np.maximum(own, np.finfo(float).tiny)

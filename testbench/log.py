@@ -2,8 +2,8 @@
 
 import json
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -92,6 +92,16 @@ class Recording:
     truth_effects: list[dict[str, Any]] = field(default_factory=list)
     provenance: dict[str, Any] = field(default_factory=dict)
     is_slide: tuple[bool, ...] = ()
+
+
+def with_channels(recording: Recording, time: Array, change: Callable[[str, Array], Array]) -> Recording:
+    """The recording at other instants, time (M,) s, with every channel it has changed to fit them.
+
+    change: of a channel's field and its values (N, n), those at the instants, (M, n).
+    """
+    values = {field: getattr(recording, field) for _, field, _, _ in CHANNELS}
+    changed: dict[str, Any] = {field: change(field, own) for field, own in values.items() if own is not None}
+    return replace(recording, time=time, **changed)
 
 
 def check_joints(recording: Recording, joint_names: Sequence[str], source: object = "log") -> None:

@@ -5,14 +5,11 @@ that is stopped leaves its last records empty. Differentiated twice, each is lar
 Held and spoiled ones stand alone between good neighbours, empty ones at an end.
 """
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from .log import CHANNELS, REQUIRED, Recording
+from .log import REQUIRED, Recording, with_channels
 from .sampling import SMOOTH, interpolated
 
 Array = NDArray[np.float64]
@@ -41,12 +38,8 @@ def mended(recording: Recording, lost: Mask) -> Recording:
     """The recording with these samples (N,) as their neighbours have them, positions by a cubic."""
     if not lost.any():
         return recording
-    channels: dict[str, Any] = {}
-    for _, field, _, _ in CHANNELS:
-        values = getattr(recording, field)
-        if values is not None:
-            channels[field] = _filled(recording.time, values, lost, field in SMOOTH)
-    return replace(recording, **channels)
+    time = recording.time
+    return with_channels(recording, time, lambda field, own: _filled(time, own, lost, field in SMOOTH))
 
 
 def _held(recording: Recording) -> Mask:

@@ -52,16 +52,28 @@ def check_motion(recording: Recording, chain: Chain, limits: Limits, source: obj
             raise InputError(source, "joint/position", expected, got)
 
 
-def check_torque_sign(recording: Recording, chain: Chain, parameters: Array, source: object) -> None:
-    """Raise InputError, naming ``source``, where joints' torques are all but certainly counted backwards.
+def check_torque(recording: Recording, chain: Chain, parameters: Array, source: object) -> None:
+    """Raise InputError, naming ``source``, where torques are counted backwards, or are those of other joints.
 
-    There the torque nearly cancels the model's along the motion, in its mean and in its changes, and the
-    drive takes work out of the joint on the whole. parameters: (14 n,) standard ones of the model.
+    All but certainly, by what a model has along the motion. parameters: (14 n,) standard ones of the model.
     """
-    along = _means_along(recording, chain, parameters)
-    if along is None:
+    size = max(1, round(recording.sample_rate / MEANS_RATE))
+    if len(recording.time) < FEWEST_MEANS * size:
         return
-    torque, model, dq, _ = along
+    time = _means(recording.time, size)
+    q, torque = _means(recording.position, size), _means(recording.torque, size)
+    dq = np.gradient(q, time, axis=0)
+    ddq = np.gradient(dq, time, axis=0)
+    model = inverse_dynamics(chain, parameters, q, dq, ddq)
+    _check_sign(torque, model, dq, chain, source)
+    _check_order(torque, model, dq, ddq, chain, source)
+
+
+def _check_sign(torque: Array, model: Array, dq: Array, chain: Chain, source: object) -> None:
+    """Raise InputError where the torque nearly cancels the model's, in its mean and in its changes.
+
+    And the drive takes work out of the joint on the whole. torque, model, dq: (M, n) means.
+    """
     cancelled = _rms(torque + model) < OPPOSED * _rms(torque)
     changes = torque - torque.mean(axis=0)
     cancelled &= _rms(changes + model - model.mean(axis=0)) < OPPOSED * _rms(changes)
@@ -72,16 +84,12 @@ def check_torque_sign(recording: Recording, chain: Chain, parameters: Array, sou
         raise InputError(source, "joint/torque", expected, f"the opposite at {names}")
 
 
-def check_torque_order(recording: Recording, chain: Chain, parameters: Array, source: object) -> None:
-    """Raise InputError, naming ``source``, where torques all but certainly stand in each other's columns.
+def _check_order(torque: Array, model: Array, dq: Array, ddq: Array, chain: Chain, source: object) -> None:
+    """Raise InputError where torques stand in each other's columns. All but chain, source: (M, n) means.
 
     There each follows the model's torque, speed, friction and acceleration of the other joint, whatever the
-    parameters, and hardly its own. parameters: (14 n,) standard ones of the model.
+    parameters, and hardly its own.
     """
-    along = _means_along(recording, chain, parameters)
-    if along is None:
-        return
-    torque, model, dq, ddq = along
     left, varied = np.ones((chain.joints, chain.joints)), np.var(torque, axis=0).clip(np.finfo(float).tiny)
     for joint in np.flatnonzero(_rms(dq) > MOVING).tolist():
         speed = dq[:, joint]
@@ -97,20 +105,6 @@ def check_torque_order(recording: Recording, chain: Chain, parameters: Array, so
         pairs = zip(moved.tolist(), others.tolist(), strict=True)
         got = ", ".join(f"{names[joint]}'s following the motion of {names[other]}" for joint, other in pairs)
         raise InputError(source, "joint/torque", "positions and torques in the order of joint_names", got)
-
-
-def _means_along(
-    recording: Recording, chain: Chain, parameters: Array
-) -> tuple[Array, Array, Array, Array] | None:
-    """Torque, the model's torque, speed and acceleration, (M, n) each, means; None of too short a log."""
-    size = max(1, round(recording.sample_rate / MEANS_RATE))
-    if len(recording.time) < FEWEST_MEANS * size:
-        return None
-    time = _means(recording.time, size)
-    q, torque = _means(recording.position, size), _means(recording.torque, size)
-    dq = np.gradient(q, time, axis=0)
-    ddq = np.gradient(dq, time, axis=0)
-    return torque, inverse_dynamics(chain, parameters, q, dq, ddq), dq, ddq
 
 
 def _wrap(time: Array, position: Array) -> int | None:

@@ -8,7 +8,7 @@ import numpy as np
 from identification.errors import InputError
 
 from .log import Recording, read_log
-from .plausible_log import check_motion, check_torque_order, check_torque_sign
+from .plausible_log import check_motion, check_torque
 from .robot import Robot
 
 
@@ -25,8 +25,7 @@ def read_runs(paths: Sequence[Path], robot: Robot) -> list[Recording]:
         if not recording.torque.any():
             got = f"0 at every sample of {', '.join(robot.joint_names)}"
             raise InputError(path, "joint/torque", "joint torques that are not all zero", got)
-        check_torque_sign(recording, robot.chain, robot.parameters, path)
-        check_torque_order(recording, robot.chain, robot.parameters, path)
+        check_torque(recording, robot.chain, robot.parameters, path)
     for later, path in enumerate(paths):
         for earlier in range(later):
             if _is_same(recordings[earlier], recordings[later]):

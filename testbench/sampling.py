@@ -1,7 +1,6 @@
 """Recordings on a uniform grid: resampled only where time stamps stray from it."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from identification.signals import Motion
 
-from .log import CHANNELS, Recording
+from .log import Recording, with_channels
 
 Array = NDArray[np.float64]
 
@@ -32,12 +31,9 @@ def on_grid(recording: Recording) -> Recording:
         return recording
     # Steps of an arange drift where time is counted from 1970.
     grid = recording.time[0] + np.arange(round((recording.time[-1] - recording.time[0]) * rate)) / rate
-    channels: dict[str, Any] = {"time": grid}
-    for _, field, _, _ in CHANNELS:
-        values = getattr(recording, field)
-        if values is not None:
-            channels[field] = interpolated(recording.time, values, grid, field in SMOOTH)
-    return replace(recording, **channels)
+    return with_channels(
+        recording, grid, lambda field, own: interpolated(recording.time, own, grid, field in SMOOTH)
+    )
 
 
 def with_torque_in_time(recording: Recording, late: float) -> Recording:
@@ -48,13 +44,9 @@ def with_torque_in_time(recording: Recording, late: float) -> Recording:
     if late == 0:
         return recording
     kept = recording.time <= recording.time[-1] - late
-    channels: dict[str, Any] = {"time": recording.time[kept]}
-    for _, field, _, _ in CHANNELS:
-        values = getattr(recording, field)
-        channels[field] = None if values is None else values[kept]
-    instants = recording.time[kept] + late
-    channels["torque"] = interpolated(recording.time, recording.torque, instants, is_smooth=False)
-    return replace(recording, **channels)
+    shorter = with_channels(recording, recording.time[kept], lambda _, own: own[kept])
+    torque = interpolated(recording.time, recording.torque, shorter.time + late, is_smooth=False)
+    return replace(shorter, torque=torque)
 
 
 def interpolated(time: Array, values: Array, instants: Array, is_smooth: bool) -> Array:

@@ -3,8 +3,10 @@ from pathlib import Path
 import pytest
 
 import identification  # noqa: F401  keeps BLAS on one thread, if it comes before numpy
+from testbench.log import Recording
 from testbench.robot import Robot
 
+from .diagnosed import measured_only, simulated_runs
 from .small_arm import small_arm
 
 ROOT = Path(__file__).parents[1]
@@ -19,6 +21,12 @@ def models():
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     """The small arm, where a test has no other."""
     return small_arm(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="session")
+def healthy_runs(arm: Robot) -> dict[str, Recording]:
+    """Three runs of the small arm without any effect: position and torque alone."""
+    return {name: measured_only(run) for name, run in simulated_runs(arm, [], runs=3).items()}
 
 
 @pytest.fixture(scope="session")

@@ -4,27 +4,36 @@ from pathlib import Path
 
 from testbench.robot import Robot, load_robot
 
-ARM = """
-<mujoco model="small_arm">
+_LOWER = """      <body name="lower" pos=".3 0 0">
+        <inertial pos=".1 .01 0" mass="2" fullinertia=".004 .012 .014 .0003 .0002 .0001"/>
+        <joint name="elbow" axis="0 0 1" range="-2 2" armature=".05" damping="1" frictionloss="1"
+               actuatorfrcrange="-30 30"/>
+      </body>
+"""
+
+
+def _arm(name: str, velocity: str, acceleration: str, lower: str) -> str:
+    return f"""
+<mujoco model="{name}">
   <compiler angle="radian"/>
   <custom>
-    <numeric name="velocity_limit" data="4 4"/>
-    <numeric name="acceleration_limit" data="30 40"/>
+    <numeric name="velocity_limit" data="{velocity}"/>
+    <numeric name="acceleration_limit" data="{acceleration}"/>
   </custom>
   <worldbody>
     <body name="upper" pos="0 0 .5">
       <inertial pos=".15 0 .02" mass="4" fullinertia=".02 .06 .07 .002 .001 -.001"/>
       <joint name="shoulder" axis="0 1 0" range="-2 2" armature=".1" damping="3" frictionloss="2"
              actuatorfrcrange="-80 80"/>
-      <body name="lower" pos=".3 0 0">
-        <inertial pos=".1 .01 0" mass="2" fullinertia=".004 .012 .014 .0003 .0002 .0001"/>
-        <joint name="elbow" axis="0 0 1" range="-2 2" armature=".05" damping="1" frictionloss="1"
-               actuatorfrcrange="-30 30"/>
-      </body>
-    </body>
+{lower}    </body>
   </worldbody>
 </mujoco>
 """
+
+
+ARM = _arm("small_arm", "4 4", "30 40", _LOWER)
+# A test bench: its first joint alone.
+PENDULUM = _arm("pendulum", "4", "30", "")
 
 # Axes that are all upright: no joint feels how high anything is.
 SCARA = """
@@ -49,24 +58,6 @@ SCARA = """
                  frictionloss="8" actuatorfrcrange="-300 300"/>
         </body>
       </body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
-
-# A test bench.
-PENDULUM = """
-<mujoco model="pendulum">
-  <compiler angle="radian"/>
-  <custom>
-    <numeric name="velocity_limit" data="4"/>
-    <numeric name="acceleration_limit" data="30"/>
-  </custom>
-  <worldbody>
-    <body name="bar" pos="0 0 .5">
-      <inertial pos=".15 0 .02" mass="4" fullinertia=".02 .06 .07 .002 .001 -.001"/>
-      <joint name="swing" axis="0 1 0" range="-2 2" armature=".1" damping="3" frictionloss="2"
-             actuatorfrcrange="-80 80"/>
     </body>
   </worldbody>
 </mujoco>

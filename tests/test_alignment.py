@@ -21,11 +21,6 @@ from .diagnosed import measured_only, simulated_runs
 LATE, FAR_LATE = 12, 80
 
 
-@pytest.fixture(scope="module")
-def healthy(arm) -> dict[str, Recording]:
-    return {name: measured_only(run) for name, run in simulated_runs(arm, [], runs=3).items()}
-
-
 def _late(runs: dict[str, Recording], samples: int) -> dict[str, Recording]:
     """The runs with their torque so many samples late, or early."""
     return {name: replace(run, torque=np.roll(run.torque, samples, axis=0)) for name, run in runs.items()}
@@ -39,25 +34,25 @@ def _timing(prepared: Prepared) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("samples", [LATE, FAR_LATE])
-def test_late_torque_is_taken_back_as_far_as_it_is_late(arm, healthy, samples):
-    own, deviation = _timing(prepare(arm, healthy))
-    prepared = aligned(arm, _late(healthy, samples))
+def test_late_torque_is_taken_back_as_far_as_it_is_late(arm, healthy_runs, samples):
+    own, deviation = _timing(prepare(arm, healthy_runs))
+    prepared = aligned(arm, _late(healthy_runs, samples))
     left, _ = _timing(prepared)
     # A deviation of either, and a tenth of a sample for torque that is a line between two of them.
     assert prepared.late + left == pytest.approx(1e-3 * samples + own, abs=5 * np.sqrt(2) * deviation + 1e-4)
-    assert prepared.runs[0].logged.samples == prepare(arm, healthy).runs[0].logged.samples - samples
+    assert prepared.runs[0].logged.samples == prepare(arm, healthy_runs).runs[0].logged.samples - samples
 
 
 @pytest.mark.parametrize("samples", [-8, -1, 0, 1])
-def test_torque_that_is_early_or_hardly_late_is_left(arm, healthy, samples):
-    assert lateness(prepare(arm, _late(healthy, samples))) == 0
+def test_torque_that_is_early_or_hardly_late_is_left(arm, healthy_runs, samples):
+    assert lateness(prepare(arm, _late(healthy_runs, samples))) == 0
 
 
-def test_lateness_is_no_effect_of_a_healthy_robot(arm, healthy):
-    found = diagnose(arm, _late(healthy, LATE))
+def test_lateness_is_no_effect_of_a_healthy_robot(arm, healthy_runs):
+    found = diagnose(arm, _late(healthy_runs, LATE))
     assert found.verdict in ("none", "parameters")
     assert "ms late" in words.late(found)[0]
-    assert not words.late(diagnose(arm, healthy))
+    assert not words.late(diagnose(arm, healthy_runs))
 
 
 def test_an_effect_is_named_in_late_logs_and_predicted_as_late(arm):

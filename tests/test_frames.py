@@ -16,14 +16,9 @@ from testbench.effects import parse_injection
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .diagnosed import measured_only, simulated_runs
+from .diagnosed import simulated_runs
 from .diagnosis_output.arm import ARM, LIFT
 from .small_arm import small_arm
-
-
-@pytest.fixture(scope="module")
-def healthy(arm) -> dict[str, Recording]:
-    return {name: measured_only(run) for name, run in simulated_runs(arm, [], runs=3).items()}
 
 
 def _compensated(arm: Robot, run: Recording) -> Recording:
@@ -43,9 +38,9 @@ def _heavier(arm: Robot, times: float) -> Robot:
 
 @pytest.mark.parametrize("times", [1.0, 1.2])
 @pytest.mark.parametrize("down", [(0.0, 0.0, 9.81), (9.81, 0.0, 0.0), (-6.0, 0.0, -7.8)])
-def test_gravity_that_points_elsewhere_is_found_by_roughly_right_masses(arm, healthy, down, times):
+def test_gravity_that_points_elsewhere_is_found_by_roughly_right_masses(arm, healthy_runs, down, times):
     modelled = _heavier(replace(arm, chain=replace(arm.chain, gravity=np.array(down))), times)
-    found = misplaced(prepare(modelled, healthy))
+    found = misplaced(prepare(modelled, healthy_runs))
     assert found is not None
     assert found.zero is None
     felt = found.gravity / np.linalg.norm(found.gravity)
@@ -54,8 +49,8 @@ def test_gravity_that_points_elsewhere_is_found_by_roughly_right_masses(arm, hea
     assert "mounted" in in_words(arm, found)
 
 
-def test_torque_without_gravity_is_told_in_the_first_sentence(arm, healthy):
-    found = diagnose(arm, {name: _compensated(arm, run) for name, run in healthy.items()})
+def test_torque_without_gravity_is_told_in_the_first_sentence(arm, healthy_runs):
+    found = diagnose(arm, {name: _compensated(arm, run) for name, run in healthy_runs.items()})
     assert found.sentence.startswith("The logged torque has no gravity in it")
     assert (found.verdict, found.effects) == ("unknown", ())
     assert next_experiment(found) is None
@@ -84,5 +79,5 @@ def test_a_cable_of_one_joint_is_no_gravity(arm):
 
 
 @pytest.mark.parametrize("times", [0.7, 1.0, 1.4])
-def test_a_model_with_wrong_masses_stands_as_the_robot_does(arm, healthy, times):
-    assert misplaced(prepare(_heavier(arm, times), healthy)) is None
+def test_a_model_with_wrong_masses_stands_as_the_robot_does(arm, healthy_runs, times):
+    assert misplaced(prepare(_heavier(arm, times), healthy_runs)) is None

@@ -9,7 +9,7 @@ from identification.errors import InputError
 from identification.parameters import ARMATURE, INERTIAL, PER_JOINT
 from testbench.cli import main
 from testbench.log import Recording, write_log
-from testbench.plausible_log import check_motion, check_torque_order, check_torque_sign
+from testbench.plausible_log import check_motion, check_torque
 from testbench.robot import Robot
 
 from .synthetic import synthetic_result, synthetic_robot
@@ -34,20 +34,14 @@ def _check_motion(robot: Robot, recording: Recording) -> None:
     check_motion(recording, robot.chain, robot.limits, "log.h5")
 
 
-def _check_sign(robot: Robot, recording: Recording, parameters: np.ndarray | None = None) -> None:
+def _check_torque(robot: Robot, recording: Recording, parameters: np.ndarray | None = None) -> None:
     given = robot.parameters if parameters is None else parameters
-    check_torque_sign(recording, robot.chain, given, "log.h5")
-
-
-def _check_order(robot: Robot, recording: Recording, parameters: np.ndarray | None = None) -> None:
-    given = robot.parameters if parameters is None else parameters
-    check_torque_order(recording, robot.chain, given, "log.h5")
+    check_torque(recording, robot.chain, given, "log.h5")
 
 
 def test_a_healthy_log_passes(robot, healthy):
     _check_motion(robot, healthy)
-    _check_sign(robot, healthy)
-    _check_order(robot, healthy)
+    _check_torque(robot, healthy)
 
 
 def test_a_position_that_wraps_is_told_with_its_joint_and_time(robot, healthy):
@@ -100,12 +94,12 @@ def test_torque_counted_backwards_is_told_with_its_joints(robot, healthy, joints
     sign[list(joints)] = -1
     names = ", ".join(robot.joint_names[joint] for joint in joints)
     with pytest.raises(InputError, match=f"joint/torque: expected the sign .*, got the opposite at {names}$"):
-        _check_sign(robot, replace(healthy, torque=healthy.torque * sign))
+        _check_torque(robot, replace(healthy, torque=healthy.torque * sign))
 
 
 def test_positions_counted_backwards_are_told(robot, healthy):
     with pytest.raises(InputError, match="got the opposite at turn$"):
-        _check_sign(robot, replace(healthy, position=healthy.position * [-1, 1, 1]))
+        _check_torque(robot, replace(healthy, position=healthy.position * [-1, 1, 1]))
 
 
 def test_a_model_with_wrong_masses_and_no_friction_refuses_no_healthy_log(robot, healthy):
@@ -114,8 +108,7 @@ def test_a_model_with_wrong_masses_and_no_friction_refuses_no_healthy_log(robot,
         table = robot.parameters.reshape(-1, PER_JOINT) * np.exp(rng.normal(size=(3, PER_JOINT)))
         table[:, INERTIAL:] = 0
         table[:, ARMATURE] = 0
-        _check_sign(robot, healthy, table.ravel())
-        _check_order(robot, healthy, table.ravel())
+        _check_torque(robot, healthy, table.ravel())
 
 
 @pytest.mark.parametrize("channel", ["torque", "position"])
@@ -128,12 +121,12 @@ def test_columns_that_are_swapped_are_told_with_their_joints(robot, healthy, cha
     with pytest.raises(
         InputError, match=f"joint/torque: expected .* in the order of joint_names, got {got}$"
     ):
-        _check_order(robot, swapped)
+        _check_torque(robot, swapped)
 
 
 def test_gravity_that_points_the_other_way_is_left_to_the_diagnosis(robot, healthy):
     chain = replace(robot.chain, gravity=-robot.chain.gravity)
-    check_torque_sign(healthy, chain, robot.parameters, "log.h5")
+    check_torque(healthy, chain, robot.parameters, "log.h5")
 
 
 def test_a_log_too_short_to_tell_is_let_pass(robot, healthy):
@@ -141,7 +134,7 @@ def test_a_log_too_short_to_tell_is_let_pass(robot, healthy):
     few = replace(
         healthy, time=healthy.time[short], position=healthy.position[short], torque=-healthy.torque[short]
     )
-    _check_sign(robot, few)
+    _check_torque(robot, few)
 
 
 @pytest.mark.parametrize("command", ["identify", "diagnose"])

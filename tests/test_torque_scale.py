@@ -10,21 +10,14 @@ from diagnosis.report import words
 from diagnosis.torque_scale import foreign_scales, in_words
 from testbench.log import Recording
 
-from .diagnosed import measured_only, simulated_runs
-
-
-@pytest.fixture(scope="module")
-def healthy(arm) -> dict[str, Recording]:
-    return {name: measured_only(run) for name, run in simulated_runs(arm, [], runs=3).items()}
-
 
 def _times(runs: dict[str, Recording], factors: list[float]) -> dict[str, Recording]:
     return {name: replace(run, torque=run.torque * factors) for name, run in runs.items()}
 
 
 @pytest.mark.parametrize("factors", [[0.01, 0.01], [1.0, 50.0], [0.5, 2.0], [1.0, 1.0]])
-def test_what_no_model_is_off_by_is_found_with_its_factor(arm, healthy, factors):
-    found = foreign_scales(prepare(arm, _times(healthy, factors)))
+def test_what_no_model_is_off_by_is_found_with_its_factor(arm, healthy_runs, factors):
+    found = foreign_scales(prepare(arm, _times(healthy_runs, factors)))
     foreign = {joint: factor for joint, factor in enumerate(factors) if factor in (0.01, 50.0)}
     # The masses and the friction are the model's.
     assert found == {joint: pytest.approx(factor, rel=0.01) for joint, factor in foreign.items()}
@@ -36,14 +29,14 @@ def test_a_factor_of_every_joint_is_told_as_one(arm):
     assert not in_words(arm, {})
 
 
-def test_the_sentence_says_what_the_torque_may_be(arm, healthy):
-    found = diagnose(arm, _times(healthy, [0.01, 0.01]))
+def test_the_sentence_says_what_the_torque_may_be(arm, healthy_runs):
+    found = diagnose(arm, _times(healthy_runs, [0.01, 0.01]))
     assert found.verdict == "parameters"
     assert found.sentence.startswith("The torque of every joint is 0.01 times the model's")
 
 
-def test_a_joint_without_torque_spoils_nothing_of_the_others(arm, healthy):
-    found = diagnose(arm, _times(healthy, [1.0, 0.0]))
+def test_a_joint_without_torque_spoils_nothing_of_the_others(arm, healthy_runs):
+    found = diagnose(arm, _times(healthy_runs, [1.0, 0.0]))
     assert found.verdict in ("none", "parameters")
     assert words.silent(found) == ["The logged torque of elbow never changes: nothing is told of it."]
     assert words.untold(found) == []
