@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from identification.inverse_dynamics import inverse_dynamics
-from identification.parameters import COULOMB, OFFSET, PER_JOINT, VISCOUS
+from identification.parameters import without_friction
 from testbench.robot import Robot
 
 from .preparation import Prepared
@@ -98,9 +98,7 @@ class _Seen:
             for name in ("torque", "q", "dq", "ddq", "used")
         )
         self.chain = prepared.robot.chain.without_springs()
-        table = prepared.nominal.reshape(-1, PER_JOINT).copy()
-        table[:, [VISCOUS, COULOMB, OFFSET]] = 0.0
-        self.links = table.ravel()
+        self.links = without_friction(prepared.nominal)
         self.bases: list[tuple[Array, NDArray[np.bool_], float]] = []
         for joint, own in enumerate(used.T):
             speed = self.dq[own, joint]

@@ -72,6 +72,13 @@ def group_columns(joints: int, groups: Sequence[str]) -> NDArray[np.int64]:
     )
 
 
+def without_friction(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard parameters (14 n,) with no friction and no offset of any joint."""
+    table = parameters.reshape(-1, PER_JOINT).copy()
+    table[:, [VISCOUS, COULOMB, OFFSET]] = 0.0
+    return table.ravel()
+
+
 def inertial_parameters(
     mass: float, center: NDArray[np.float64], inertia_at_center: NDArray[np.float64]
 ) -> NDArray[np.float64]:

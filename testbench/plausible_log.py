@@ -2,27 +2,37 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 from scipy.optimize import linear_sum_assignment
 
 from identification.chain import Chain
 from identification.errors import InputError
 from identification.inverse_dynamics import inverse_dynamics
+from identification.parameters import without_friction
 
 from .log import Recording, check_joints
 from .lost_samples import MOST_LOST
 from .robot import Limits
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 TURN = 2 * np.pi
 # A wrap is a step so near to a turn, rad, and so many times faster than the joint is anywhere else.
 NEAR_A_TURN, FASTER = 0.5, 3.0
+# A step is so many times faster than the joint is in so many samples to either side, and stays: no arm does.
+BREAK, AROUND = 10.0, 20
+# And more than so many times the smallest step of its encoder.
+COUNTS = 8.0
 # Share of samples that may lie anywhere: spoiled ones are mended later.
 SPOILED = 0.01
 # Hz, of the means that are compared with the model; fewer of them tell nothing.
 MEANS_RATE, FEWEST_MEANS = 25.0, 50
 # Torque is opposed to the model's where their sum is below this share of it, RMS.
 OPPOSED = 0.5
+# So it is where what goes with speed drives the joint instead: their correlation, that part's share of the
+# torque, RMS, and of the variance without it that it leaves at most.
+DRIVING, SHARE_OF_FRICTION, FRICTION_LEAVES = -0.7, 0.4, 0.35
 # Torque is another joint's where its own motion leaves more than this share of its variance, and so many
 # times what the other's leaves; of joints that move by so many rad/s (m/s), RMS.
 OWN_LEAVES, TIMES_OTHERS, MOVING = 0.15, 5.0, 0.02
@@ -31,16 +41,26 @@ OWN_LEAVES, TIMES_OTHERS, MOVING = 0.15, 5.0, 0.02
 def check_motion(recording: Recording, chain: Chain, limits: Limits, source: object) -> None:
     """Raise InputError, naming ``source``, unless the joints are the model's and the positions can be theirs.
 
-    They cannot where a hinge's position jumps by a turn between two samples, or strays from the model's range
-    by more than the range is wide.
+    They cannot where a position jumps between two samples, a hinge's by a turn or any by what its speed does
+    not explain, or strays from the model's range by more than the range is wide; nor are they measured where
+    they are the reference's at every sample.
     """
     check_joints(recording, chain.joint_names, source)
+    if np.array_equal(recording.position, recording.reference_position):
+        expected = "measured positions"
+        raise InputError(source, "joint/position", expected, "those of reference/position at every sample")
     for joint, name in enumerate(chain.joint_names):
         position, is_slide = recording.position[:, joint], chain.is_slide[joint]
         wrapped = None if is_slide else _wrap(recording.time, position)
         if wrapped is not None:
             step = position[wrapped] - position[wrapped - 1]
             got = f"a step of {step:.3g} rad {_when(recording, wrapped)} at {name} (unwrap it)"
+            raise InputError(source, "joint/position", "continuous positions", got)
+        broken = _break(recording.time, position)
+        if broken is not None:
+            unit = "m" if is_slide else "rad"
+            step = f"a step of {position[broken] - position[broken - 1]:.3g} {unit}"
+            got = f"{step} {_when(recording, broken)} at {name} (are samples missing, or are these two runs?)"
             raise InputError(source, "joint/position", "continuous positions", got)
         lower, upper = limits.lower[joint], limits.upper[joint]
         beyond = np.maximum(lower - position, position - upper)
@@ -65,23 +85,50 @@ def check_torque(recording: Recording, chain: Chain, parameters: Array, source: 
     dq = np.gradient(q, time, axis=0)
     ddq = np.gradient(dq, time, axis=0)
     model = inverse_dynamics(chain, parameters, q, dq, ddq)
-    _check_sign(torque, model, dq, chain, source)
+    links = inverse_dynamics(chain, without_friction(parameters), q, dq, ddq)
+    _check_sign(torque, model, links, dq, ddq, chain, source)
     _check_order(torque, model, dq, ddq, chain, source)
 
 
-def _check_sign(torque: Array, model: Array, dq: Array, chain: Chain, source: object) -> None:
-    """Raise InputError where the torque nearly cancels the model's, in its mean and in its changes.
+def _check_sign(
+    torque: Array, model: Array, links: Array, dq: Array, ddq: Array, chain: Chain, source: object
+) -> None:
+    """Raise InputError where torques are the model's but for their sign, or friction drives a joint.
 
-    And the drive takes work out of the joint on the whole. torque, model, dq: (M, n) means.
+    torque, model, links, dq, ddq: (M, n) means; links: of the model without friction.
     """
-    cancelled = _rms(torque + model) < OPPOSED * _rms(torque)
-    changes = torque - torque.mean(axis=0)
-    cancelled &= _rms(changes + model - model.mean(axis=0)) < OPPOSED * _rms(changes)
-    backwards = np.flatnonzero(cancelled & (np.sum(torque * dq, axis=0) < 0))
+    backwards = np.flatnonzero(_is_cancelled(torque, model, dq) | _is_driven(torque, links, dq, ddq))
     if len(backwards):
         names = ", ".join(chain.joint_names[joint] for joint in backwards)
         expected = "the sign that turns a joint the way its position grows"
         raise InputError(source, "joint/torque", expected, f"the opposite at {names}")
+
+
+def _is_cancelled(torque: Array, model: Array, dq: Array) -> Mask:
+    """Where (n,) the torque nearly cancels the model's, in its mean and in its changes.
+
+    And the drive takes work out of the joint on the whole. Arguments as of ``_check_sign``.
+    """
+    cancelled = _rms(torque + model) < OPPOSED * _rms(torque)
+    changes = torque - torque.mean(axis=0)
+    cancelled &= _rms(changes + model - model.mean(axis=0)) < OPPOSED * _rms(changes)
+    return cancelled & (np.sum(torque * dq, axis=0) < 0)
+
+
+def _is_driven(torque: Array, links: Array, dq: Array, ddq: Array) -> Mask:
+    """Where (n,) much of the torque is friction with the wrong sign. Arguments as of ``_check_sign``."""
+    driven = np.zeros(torque.shape[1], bool)
+    for joint in np.flatnonzero(_rms(dq) > MOVING).tolist():
+        speed, own = dq[:, joint], torque[:, joint]
+        x = np.column_stack([links[:, joint], ddq[:, joint], np.ones(len(own)), speed, np.sign(speed)])
+        x /= np.maximum(_rms(x), np.finfo(float).tiny)
+        values, without = (np.linalg.lstsq(part, own, rcond=None)[0] for part in (x, x[:, :-2]))
+        friction = x[:, -2:] @ values[-2:]
+        goes_with = friction @ speed < DRIVING * np.linalg.norm(friction) * np.linalg.norm(speed)
+        is_much = np.std(friction) > SHARE_OF_FRICTION * np.std(own)
+        explains = np.var(own - x @ values) < FRICTION_LEAVES * np.var(own - x[:, :-2] @ without)
+        driven[joint] = goes_with and is_much and explains
+    return driven
 
 
 def _check_order(torque: Array, model: Array, dq: Array, ddq: Array, chain: Chain, source: object) -> None:
@@ -119,6 +166,23 @@ def _wrap(time: Array, position: Array) -> int | None:
         after = position[sample : sample + 2 * MOST_LOST]
         if abs(np.median(after) - np.median(before)) > TURN / 2:
             return sample
+    return None
+
+
+def _break(time: Array, position: Array) -> int | None:
+    """The first sample whose step from the one before is far faster than all around it, and is not undone."""
+    moved = np.abs(np.diff(position))
+    speed = moved / np.diff(time)
+    counts = COUNTS * float(np.min(moved, where=moved > 0, initial=np.inf))
+    around = maximum_filter1d(speed, 2 * AROUND + 1) if len(speed) else speed
+    # Only what is fastest of its own neighbourhood can stand out of it.
+    for step in np.flatnonzero((speed == around) & (speed > 0) & (moved > counts)).tolist():
+        near = slice(max(step - AROUND, 0), step + AROUND + 1)
+        others = np.delete(speed[near], step - near.start)
+        before, after = position[max(0, step + 1 - AROUND) : step + 1], position[step + 1 :][:AROUND]
+        stays = abs(np.median(after) - np.median(before)) > moved[step] / 2
+        if len(others) >= AROUND and speed[step] > BREAK * others.max() and stays:
+            return step + 1
     return None
 
 

@@ -53,11 +53,30 @@ def test_a_position_that_wraps_is_told_with_its_joint_and_time(robot, healthy):
         _check_motion(robot, replace(healthy, position=wrapped))
 
 
-def test_a_slide_may_step_by_six_metres(robot, healthy):
+def test_a_slide_that_steps_by_six_metres_is_no_wrap(robot, healthy):
     limits = replace(robot.limits, lower=robot.limits.lower - 9, upper=robot.limits.upper + 9)
     moved = healthy.position.copy()
     moved[1000:, 2] += 2 * np.pi
-    check_motion(replace(healthy, position=moved), robot.chain, limits, "log.h5")
+    with pytest.raises(InputError, match=r"got a step of 6.28 m at 2 s at reach \(are samples missing"):
+        check_motion(replace(healthy, position=moved), robot.chain, limits, "log.h5")
+
+
+def test_two_runs_in_one_log_are_told_and_a_late_packet_is_let_pass(robot, healthy):
+    glued = healthy.position.copy()
+    glued[1000:] = healthy.position[np.minimum(np.arange(1300, len(glued) + 300), len(glued) - 1)]
+    with pytest.raises(
+        InputError, match="joint/position: expected continuous positions, got a step of .* at 2 s"
+    ):
+        _check_motion(robot, replace(healthy, position=glued))
+    late = healthy.position.copy()
+    late[1000:1005] = late[999]
+    _check_motion(robot, replace(healthy, position=late))
+
+
+def test_positions_that_are_the_reference_are_told(robot, healthy):
+    followed = replace(healthy, reference_position=healthy.position.copy())
+    with pytest.raises(InputError, match="expected measured positions, got those of reference/position"):
+        _check_motion(robot, followed)
 
 
 def test_a_joint_that_turns_so_fast_does_not_wrap(robot, healthy):
@@ -100,6 +119,16 @@ def test_torque_counted_backwards_is_told_with_its_joints(robot, healthy, joints
 def test_positions_counted_backwards_are_told(robot, healthy):
     with pytest.raises(InputError, match="got the opposite at turn$"):
         _check_torque(robot, replace(healthy, position=healthy.position * [-1, 1, 1]))
+
+
+def test_friction_that_drives_a_joint_is_torque_counted_backwards(robot, healthy):
+    table = robot.parameters.reshape(-1, PER_JOINT).copy()
+    table[:, :INERTIAL] *= 1e-3
+    light = table.ravel()
+    friction = np.sign(np.gradient(healthy.position, healthy.time, axis=0)) * [1, -1, 1]
+    rubbing = replace(healthy, torque=3.0 * friction)
+    with pytest.raises(InputError, match=f"got the opposite at {robot.joint_names[1]}$"):
+        _check_torque(robot, rubbing, light)
 
 
 def test_a_model_with_wrong_masses_and_no_friction_refuses_no_healthy_log(robot, healthy):
