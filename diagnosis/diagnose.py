@@ -60,12 +60,14 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     named = [index for index, item in enumerate(found.accepted) if item.named]
     named.sort(key=lambda index: -found.accepted[index].score)
     effects = tuple(_named(found, index) for index in named)
-    scales = torque_scale.foreign_scales(prepared)
+    scales, excessive = torque_scale.foreign_scales(prepared), torque_scale.beyond_limits(prepared)
     # Torque in other units has another gravity, too.
-    misplaced = None if scales else frames.misplaced(prepared)
+    misplaced = None if scales or excessive else frames.misplaced(prepared)
     if misplaced is None:
         verdict = _verdict(found, gap)
-        sentence = torque_scale.in_words(robot, scales) + _sentence(robot, verdict, effects, found, gap)
+        sentence = torque_scale.in_words(robot, scales, excessive) + _sentence(
+            robot, verdict, effects, found, gap
+        )
     else:
         # Beside such a gap whatever has a name stands for a part of it.
         verdict, sentence = "unknown", frames.in_words(robot, misplaced)
@@ -91,6 +93,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         ),
         misplaced=misplaced,
         scales=scales,
+        excessive=excessive,
     )
 
 

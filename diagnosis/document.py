@@ -115,6 +115,7 @@ def diagnosis_document(
         "notes": list(diagnosis.notes),
         "misplaced": _misplaced(diagnosis.misplaced, names),
         "torque_scale": {names[joint]: _number(factor) for joint, factor in diagnosis.scales.items()},
+        "torque_by_limit": {names[joint]: _number(times) for joint, times in diagnosis.excessive.items()},
         "late": _number(diagnosis.prepared.late),
         "noise_unseen": [names[joint] for joint in diagnosis.noise_unseen],
         "silent": [names[joint] for joint in sorted(diagnosis.prepared.silent)],
@@ -126,11 +127,12 @@ def diagnosis_document(
 
 
 def _misplaced(found: Misplaced | None, names: Sequence[str]) -> dict[str, Any] | None:
-    """Gravity as the robot feels it, m/s², and the joint whose zero is elsewhere with its angle, rad."""
+    """Gravity as the robot feels it, m/s², the joint whose zero is elsewhere, rad, those that are turned."""
     if found is None:
         return None
     zero = None if found.zero is None else {"joint": names[found.zero[0]], "angle": _number(found.zero[1])}
-    return {"gravity": _numbers(found.gravity), "zero": zero}
+    turned = [names[joint] for joint in found.turned]
+    return {"gravity": _numbers(found.gravity), "zero": zero, "turned": turned}
 
 
 def _regime(part: RegimeShare) -> dict[str, Any]:

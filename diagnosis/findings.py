@@ -162,6 +162,7 @@ class Diagnosis:
     recurrence: the push as one that every run has. everywhere: effects fitted without a name, as other joints
     are about as imperfect. misplaced: the frame of the model that is not the robot's, beside which nothing is
     told. scales: by joint, the factor of logged torque to the model's, where that is in other units.
+    excessive: by joint, the RMS torque by its drive's limit, where that is more than any drive gives.
     """
 
     robot: Robot
@@ -182,6 +183,7 @@ class Diagnosis:
     everywhere: tuple[tuple[str, int | None], ...] = ()
     misplaced: Misplaced | None = None
     scales: Mapping[int, float] = field(default_factory=dict)
+    excessive: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def mended(self) -> dict[str, int]:

@@ -46,7 +46,8 @@ def check_motion(recording: Recording, chain: Chain, limits: Limits, source: obj
     they are the reference's at every sample.
     """
     check_joints(recording, chain.joint_names, source)
-    if np.array_equal(recording.position, recording.reference_position):
+    followed = recording.reference_position
+    if followed is not None and np.array_equal(recording.position, followed):
         expected = "measured positions"
         raise InputError(source, "joint/position", expected, "those of reference/position at every sample")
     for joint, name in enumerate(chain.joint_names):

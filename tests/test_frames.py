@@ -73,6 +73,19 @@ def test_a_zero_of_another_convention_is_found_with_its_joint_and_angle(tmp_path
     assert "lift 90° from" in in_words(crane, Misplaced(crane.chain.gravity, (LIFT, np.pi / 2)))
 
 
+@pytest.mark.parametrize("turned", [(0,), (0, 1)])
+def test_joints_that_turn_the_other_way_are_told(arm, healthy_runs, turned):
+    sign = np.where(np.isin(np.arange(arm.joints), turned), -1.0, 1.0)
+    backwards = {
+        name: replace(run, position=sign * run.position, torque=sign * run.torque)
+        for name, run in healthy_runs.items()
+    }
+    found = misplaced(prepare(arm, backwards))
+    assert found is not None
+    assert (found.zero, found.turned) == (None, turned)
+    assert "the other way than in the model" in in_words(arm, found)
+
+
 def test_a_cable_of_one_joint_is_no_gravity(arm):
     cable = parse_injection(arm, "cable_spring:elbow:stiffness=3,rest=0.4")
     assert misplaced(prepare(arm, simulated_runs(arm, [cable]))) is None

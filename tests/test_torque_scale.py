@@ -2,13 +2,18 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from diagnosis.diagnose import diagnose
 from diagnosis.preparation import prepare
 from diagnosis.report import words
-from diagnosis.torque_scale import foreign_scales, in_words
+from diagnosis.torque_scale import beyond_limits, foreign_scales, in_words
 from testbench.log import Recording
+
+from .diagnosed import simulated_runs
+from .diagnosis_output.arm import ARM
+from .small_arm import small_arm
 
 
 def _times(runs: dict[str, Recording], factors: list[float]) -> dict[str, Recording]:
@@ -24,9 +29,32 @@ def test_what_no_model_is_off_by_is_found_with_its_factor(arm, healthy_runs, fac
 
 
 def test_a_factor_of_every_joint_is_told_as_one(arm):
-    assert "of every joint is 0.01 times" in in_words(arm, {0: 0.008, 1: 0.0125})
-    assert "of shoulder is 0.01, elbow is 50 times" in in_words(arm, {0: 0.01, 1: 50.0})
-    assert not in_words(arm, {})
+    assert "of every joint is 0.01 times" in in_words(arm, {0: 0.008, 1: 0.0125}, {})
+    assert "of shoulder is 0.01, elbow is 50 times the model's:" in in_words(
+        arm, {0: 0.01, 1: 50.0}, {1: 9.0}
+    )
+    assert not in_words(arm, {}, {})
+
+
+@pytest.mark.parametrize(("factor", "found"), [(2**0.5, True), (0.5, True), (1.15, False)])
+def test_a_factor_that_three_joints_share_is_no_error_of_the_model(tmp_path, factor, found):
+    crane = small_arm(tmp_path, ARM)
+    runs = _times(simulated_runs(crane, [], runs=2), [factor] * crane.joints)
+    scales = foreign_scales(prepare(crane, runs))
+    assert scales == ({joint: pytest.approx(factor, rel=0.02) for joint in range(3)} if found else {})
+
+
+def test_more_torque_than_any_drive_gives_is_told_where_the_model_says_nothing_of_it(arm, healthy_runs):
+    swinging = {
+        name: replace(run, torque=np.column_stack([run.torque[:, 0], 300 * np.sin(3 * run.time)]))
+        for name, run in healthy_runs.items()
+    }
+    # The elbow's drive gives 30 N·m.
+    found = beyond_limits(prepare(arm, swinging))
+    assert list(found) == [1]
+    assert found[1] > 5
+    assert in_words(arm, {}, {1: 7.0}).startswith("The torque of elbow is 7 times what its drive can, RMS:")
+    assert not beyond_limits(prepare(arm, healthy_runs))
 
 
 def test_the_sentence_says_what_the_torque_may_be(arm, healthy_runs):
