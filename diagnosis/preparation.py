@@ -244,7 +244,7 @@ class _Log:
 
 def _log(name: str, recording: Recording, fast: float, late: float) -> _Log:
     lost = lost_samples(recording)
-    even = with_torque_in_time(on_grid(thinned(mended(recording, lost), fast)), late)
+    even = with_torque_in_time(thinned(on_grid(mended(recording, lost)), fast), late)
     steps = _step(recording.torque), _step(recording.position)
     return _Log(name, even, motion(even), recording.time[~lost], int(lost.sum()), *steps)
 

@@ -5,12 +5,15 @@ that is stopped leaves its last records empty. Differentiated twice, each is lar
 Held and spoiled ones stand alone between good neighbours, empty ones at an end.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from .log import REQUIRED, Recording, with_channels
 from .sampling import SMOOTH, interpolated
+from .time_stamps import off_cubic
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -25,21 +28,54 @@ SHARE_OF_RANGE, SHARE_OF_TORQUE = 1e-4, 1.0
 STEPS, SHARE_OF_MOTION = 8.0, 0.5
 # A held sample is followed by a step of more than so many counts of an encoder.
 COUNTS = 2.0
+# Positions, or torques, come from a slower bus where this share of all samples repeats.
+OF_A_SLOWER_BUS = 0.2
 # Good samples to either side that a lost one is interpolated from.
 NEIGHBOURS = 4
 
 
 def lost_samples(recording: Recording) -> Mask:
-    """Which samples (N,) of a recording are not what was measured then."""
+    """Which samples (N,) of a recording are not what was measured then, but for what a slower bus repeats."""
+    recording = _refreshed(recording)
     return _held(recording) | _spoiled(recording)
 
 
 def mended(recording: Recording, lost: Mask) -> Recording:
-    """The recording with these samples (N,) as their neighbours have them, positions by a cubic."""
+    """The recording with these samples (N,) as their neighbours have them, positions by a cubic.
+
+    So are positions, or torques, that a slower bus repeats.
+    """
+    recording = _refreshed(recording)
     if not lost.any():
         return recording
     time = recording.time
     return with_channels(recording, time, lambda field, own: _filled(time, own, lost, field in SMOOTH))
+
+
+def _refreshed(recording: Recording) -> Recording:
+    """The recording with what a slower bus repeats of positions, or of torques, between what it brings."""
+    position, torque = (_between(recording, field) for field in REQUIRED)
+    return replace(recording, position=position, torque=torque)
+
+
+def _between(recording: Recording, field: str) -> Array:
+    """A channel (N, n) with what a slower bus repeats interpolated; as it is where none does."""
+    values: Array = getattr(recording, field)
+    repeated = _repeated(values)
+    if np.mean(repeated) < OF_A_SLOWER_BUS:
+        return values
+    return _filled(recording.time, values, repeated, field in SMOOTH)
+
+
+def _repeated(values: Array) -> Mask:
+    """Samples of (N, n) that are those before again, and from which some joint steps on by a few counts."""
+    again = np.zeros(len(values), bool)
+    again[1:] = np.all(values[1:] == values[:-1], axis=1)
+    counts = COUNTS * np.array([_step(column) for column in values.T])
+    for first, last in _stretches(again):
+        if not np.any(np.abs(values[min(last, len(values) - 1)] - values[first - 1]) > counts):
+            again[first:last] = False
+    return again
 
 
 def _held(recording: Recording) -> Mask:
@@ -90,14 +126,14 @@ def _alone(time: Array, values: Array, least: float) -> Mask:
     time: (N,) s. least: how far at least, in the values' unit.
     """
     found = np.zeros(len(values), bool)
-    off = _off(time, values)
+    off = off_cubic(time, values)
     moved = SHARE_OF_MOTION * maximum_filter1d(np.abs(np.gradient(values)), 2 * NEIGHBOURS + 1)
     limit = np.max([FARTHER * _usual(off), moved, np.full(len(values), least)], axis=0)
     for first, last in _stretches(off > limit, 2):
         near = slice(max(first - NEIGHBOURS, 0), min(last + NEIGHBOURS, len(values)))
         here, bad = values[near].copy(), np.zeros(near.stop - near.start, bool)
         for _ in range(MOST_LOST):
-            left = np.where(bad, 0.0, _off(time[near], here))
+            left = np.where(bad, 0.0, off_cubic(time[near], here))
             if np.all(left <= limit[near]):
                 found[near] |= bad
                 break
@@ -117,25 +153,6 @@ def _empty(position: Array, least: float) -> Mask:
             if steps[count - 1] > max(FARTHER * float(steps[count : count + NEIGHBOURS].max()), least):
                 end[:count] = True
     return found
-
-
-def _off(time: Array, values: Array) -> Array:
-    """How far samples (N,) are from the cubic through two neighbours on either side; 0 for the outermost."""
-    off = np.zeros_like(values)
-    if len(values) < 5:
-        return off
-    shifts = (0, 1, 3, 4)
-    count = len(values) - 4
-    at = [time[shift : shift + count] - time[2:-2] for shift in shifts]
-    inner = np.zeros(count)
-    for own, shift in enumerate(shifts):
-        weight = np.ones(count)
-        for other in range(len(shifts)):
-            if other != own:
-                weight *= at[other] / (at[other] - at[own])
-        inner += weight * values[shift : shift + count]
-    off[2:-2] = np.abs(values[2:-2] - inner)
-    return off
 
 
 def _usual(off: Array) -> Array:

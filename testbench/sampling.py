@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 from identification.signals import Motion
 
 from .log import Recording, with_channels
+from .time_stamps import as_sampled
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,9 @@ def is_on_grid(time: Array, rate: float) -> bool:
 def on_grid(recording: Recording) -> Recording:
     """The recording at its sample rate from its first time stamp on, every channel with it."""
     rate = recording.sample_rate
+    if is_on_grid(recording.time, rate):
+        return recording
+    recording = as_sampled(recording)
     if is_on_grid(recording.time, rate):
         return recording
     # Steps of an arange drift where time is counted from 1970.

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from diagnosis.attribution import attribute
 from diagnosis.preparation import prepare
@@ -14,6 +15,7 @@ from testbench.log import Recording
 from testbench.lost_samples import lost_samples, mended
 from testbench.robot import Robot
 from testbench.sampling import on_grid
+from testbench.time_stamps import as_sampled
 
 from .diagnosed import measured_only, simulated_runs
 
@@ -58,7 +60,9 @@ def test_nothing_of_a_good_log_is_lost(runs):
     for run in runs.values():
         lost = lost_samples(run)
         assert not lost.any()
-        assert mended(run, lost) is run
+        whole = mended(run, lost)
+        assert whole.position is run.position
+        assert whole.torque is run.torque
 
 
 @pytest.mark.parametrize("spoil", [held, spoiled])
@@ -127,6 +131,40 @@ def test_a_grid_does_not_drift_where_time_is_counted_from_1970(runs, since):
     assert on_grid(even) is even
     assert even.torque_command is not None
     assert even.torque_command.shape == even.position.shape
+
+
+def test_stamps_that_jitter_on_even_samples_are_those_of_a_grid(runs):
+    run = runs["run_1"]
+    rng = np.random.default_rng(3)
+    jitter = rng.uniform(-0.4, 0.4, len(run.time)) / run.sample_rate
+    kept = np.delete(np.arange(len(run.time)), [500, 501, 900])
+    even = on_grid(replace(run, time=run.time + jitter))
+    assert np.array_equal(even.position, run.position)
+    # Samples that were taken as stamped are off the grid.
+    spline = CubicSpline(run.time, run.position)
+    as_stamped = replace(run, time=run.time + jitter, position=spline(run.time + jitter))
+    assert as_sampled(as_stamped) is as_stamped
+    # Small jitter leaves no doubt where some are missing.
+    missing = replace(
+        measured_only(run), **{f: getattr(run, f)[kept] for f in ("time", "position", "torque")}
+    )
+    steps = as_sampled(replace(missing, time=missing.time + 0.2 * jitter[kept])).time - run.time[kept]
+    assert np.ptp(steps) < 1e-6
+
+
+@pytest.mark.parametrize("field", ["position", "torque"])
+def test_what_a_slower_bus_repeats_is_taken_between_what_it_brings(runs, field):
+    # Noise, of which a slow bus tells nothing between, is another matter.
+    run = replace(runs["run_1"], torque=10 * runs["run_1"].position)
+    fresh = np.arange(len(run.time)) // 10 * 10
+    slow = replace(run, **{field: getattr(run, field)[fresh]})
+    assert not lost_samples(slow).any()
+    between = mended(slow, lost_samples(slow))
+    off, repeated = (
+        np.sqrt(np.mean((getattr(each, field) - getattr(run, field))[:-20] ** 2)) for each in (between, slow)
+    )
+    # Lines are off by curvature, a cubic by next to nothing.
+    assert off < {"position": 0.05, "torque": 0.25}[field] * repeated
 
 
 @pytest.mark.parametrize("times", [4, 8])
