@@ -21,7 +21,7 @@ from .evidence import Fit, fitted_to, standard_values
 from .flat_top import flat_tops
 from .folds import covered, covered_for
 from .ground import Ground, ground
-from .healthy import with_friction
+from .healthy import OFFSET, with_friction
 from .hypothesis import DELAY, Design
 from .imperfections import of_one_joint
 from .likeliest_shapes import at_likeliest_shapes
@@ -43,7 +43,7 @@ from .round import Search
 from .saturation import Cut, cuts
 from .sought import Sought
 from .transmission_load import linearised_until_settled
-from .unclaimed import NOTHING, Unclaimed, unclaimed
+from .unclaimed import NOTHING, Unclaimed, unclaimed, without_imperfections
 from .vibration import vibrations, with_its_line, without_shaken
 from .weighing import Stage
 
@@ -71,21 +71,30 @@ class Attribution:
     last_stage: tuple[Weighed, ...]
     hidden: tuple[tuple[str, int | None], ...]
 
+    def takes_in(self, name: str, joint: int) -> bool:
+        """Whether an effect is among what was taken in, at this joint."""
+        places = [item.candidate.place[:2] for item in self.accepted]
+        return (name, joint) in places
+
 
 def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     """Grow the hypothesis from "parameters only" until nothing material is left to explain.
 
-    Where friction turns out not to jump with the speed's sign, all is begun again with what it does.
+    Where friction turns out not to jump with the speed's sign, all is begun again with what it does; and where
+    the zero that parameters were taken beside is no effect in the end, without it.
     """
     # What depends on the logs alone stays when all is begun again.
     limits, sought = cuts(prepared), Sought(without)
-    prepared, known = covered(prepared), NearRest()
+    prepared, known, seeks_zero = covered(prepared), NearRest(), OFFSET not in without
     while True:
-        begun = first_linearised(with_friction_near_rest(prepared, known))
+        begun = first_linearised(with_friction_near_rest(prepared, known), seeks_zero)
         grown = _grown(begun, limits, sought)
-        if isinstance(grown, Attribution):
+        if isinstance(grown, NearRest):
+            known = grown
+        elif begun.zeros.any() and not grown.takes_in(OFFSET, int(np.argmax(np.abs(begun.zeros)))):
+            seeks_zero = False
+        else:
             return grown
-        known = grown
 
 
 def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) -> Attribution | NearRest:
@@ -164,7 +173,8 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
     hypothesis, fitted = at_likeliest_shapes(sized, hypothesis, fitted)
     accepted = as_fitted_at_last(sized, hypothesis, fitted, accepted)
     unmet = out_of_bounds(sized, hypothesis, fitted, accepted)
-    misfits = [with_its_line(last, each) for each in unclaimed(original, last, free, sure)]
+    nothing = without_imperfections(sized, original, last, unclaimed(original, last, free, sure), open_)
+    misfits = [with_its_line(last, each) for each in nothing]
     # What is like something says more than that nothing was.
     alike = {each.joint for each in imitated}
     misfits = [each for each in misfits if each.regime != NOTHING or each.joint not in alike]

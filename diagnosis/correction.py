@@ -43,9 +43,9 @@ class Corrected:
     chain, limits: of the model as given. nominal: as given. parameters: re-identified alone. final:
     beside the effects. late: s, by which the logs have their torque late; parameters_timing, final_timing:
     and what is left of that beside them.
-    linearised: (14 n,) that the effects' columns are taken at. coulomb_smoothing, coulomb_lead: (n,) rad/s
-    (m/s) and s, of Coulomb friction in what was re-identified, as of Logged. body_rotation (3, 3),
-    body_origin (3,) m: the last body's frame in the last link's.
+    linearised: (14 n,) that the effects' columns are taken at; zeros: (n,) rad, likewise, as of Logged.
+    coulomb_smoothing, coulomb_lead: (n,) rad/s (m/s) and s, of Coulomb friction in what was re-identified, as
+    of Logged. body_rotation (3, 3), body_origin (3,) m: the last body's frame in the last link's.
     """
 
     chain: Chain
@@ -59,6 +59,7 @@ class Corrected:
     linearised: Array
     coulomb_smoothing: Array
     coulomb_lead: float
+    zeros: Array
     body_rotation: Array
     body_origin: Array
     terms: tuple[Term, ...]
@@ -89,6 +90,7 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
         linearised=logged.parameters,
         coulomb_smoothing=diagnosis.prepared.coulomb_smoothing,
         coulomb_lead=diagnosis.prepared.coulomb_lead,
+        zeros=diagnosis.prepared.zeros,
         body_rotation=logged.body_rotation,
         body_origin=logged.body_origin,
         terms=tuple(terms),
@@ -118,6 +120,7 @@ def correction_document(model: Corrected) -> dict[str, Any]:
         "coulomb_smoothing": model.coulomb_smoothing.tolist(),
         "coulomb_lead": model.coulomb_lead,
         "late": model.late,
+        "zeros": model.zeros.tolist(),
         "parameters": {"standard": model.parameters.tolist(), "timing": model.parameters_timing},
         "effects": {
             "standard": model.final.tolist(),
@@ -166,6 +169,7 @@ def read_correction(document: Any, source: object) -> Corrected:
             linearised=np.array(effects["linearised_at"], dtype=np.float64),
             coulomb_smoothing=np.array(document["coulomb_smoothing"], dtype=np.float64),
             coulomb_lead=float(document["coulomb_lead"]),
+            zeros=np.array(document["zeros"], dtype=np.float64),
             body_rotation=np.array(document["last_body"]["rotation"], dtype=np.float64),
             body_origin=np.array(document["last_body"]["origin"], dtype=np.float64),
             terms=tuple(

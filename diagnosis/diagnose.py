@@ -16,6 +16,7 @@ from .attribution import CONFUSABLE, Attribution, attribute
 from .deviations import covariance_with_shapes
 from .evidence import Fit, on_whole_runs, rms, standard_values
 from .findings import LITTLE_CLOSED, Diagnosis, Gap, NamedEffect, RankedCandidate, Share
+from .healthy import OFFSET
 from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
@@ -63,6 +64,9 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     scales, excessive = torque_scale.foreign_scales(prepared), torque_scale.beyond_limits(prepared)
     # Torque in other units has another gravity, too.
     misplaced = None if scales or excessive else frames.misplaced(prepared)
+    # What the catalogue has is told as that.
+    if misplaced is not None and misplaced.zero and (OFFSET, misplaced.zero[0]) in _places(effects):
+        misplaced = None
     if misplaced is None:
         verdict = _verdict(found, gap)
         sentence = torque_scale.in_words(robot, scales, excessive) + _sentence(
@@ -95,6 +99,10 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         scales=scales,
         excessive=excessive,
     )
+
+
+def _places(effects: Sequence[NamedEffect]) -> set[tuple[str, int | None]]:
+    return {(each.effect, each.joint) for each in effects}
 
 
 def _where(found: Attribution, only: tuple[Design, Fit], gap: Gap, verdict: str) -> tuple[Share, ...]:

@@ -17,6 +17,7 @@ from .candidates import Candidate
 Array = NDArray[np.float64]
 
 ELASTIC, CABLE, GAIN = "joint_elasticity", "cable_spring", "torque_gain_error"
+OFFSET = "encoder_offset"
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
@@ -33,7 +34,7 @@ HEALTHY: Mapping[str, float] = {
     # Joints of one bus are sampled up to a millisecond apart.
     "actuator_lag": 3.0,
     "encoder_eccentricity": 500.0,
-    "encoder_offset": 15.0,
+    OFFSET: 15.0,
     # Torque constants are known to two per cent or so, those of the joints beside it too: what is one joint's
     # gain to the model is their difference.
     GAIN: 2.2,
@@ -58,7 +59,7 @@ LARGEST: Mapping[str, float] = {
     "presliding_hysteresis": 3.0,
     # A wrist's link may be far lighter than the one that its typical range is stated for.
     ELASTIC: 6.0,
-    "encoder_offset": 3.0,
+    OFFSET: 3.0,
     "encoder_eccentricity": 3.0,
     GAIN: 3.0,
     "base_tilt": 3.0,
@@ -167,12 +168,19 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
         parameter = effect(family.effect).DESCRIPTION.parameters[0]
         mild, severe = typical_range(parameter, robot, family.joint)
         amount = _number(values[parameter.name])
+        if family.effect == OFFSET and _is_taken_at_its_size(candidate):
+            return True
         if family.effect == CABLE:
             amount *= _lever(robot, family.joint, values)
         if family.effect in SPRINGS and amount <= HELD * scale_of("torque_limit", robot, family.joint):
             return True
         return amount <= largest * severe if severe >= mild else amount >= severe / largest
     return True
+
+
+def _is_taken_at_its_size(candidate: Candidate) -> bool:
+    """Whether its one column holds near a size that was found apart, however large."""
+    return bool(candidate.member.lower[0] > 0 or candidate.member.upper[0] < 0)
 
 
 def quantities(candidate: Candidate, coefficients: Array) -> dict[str, Quantity]:

@@ -13,20 +13,24 @@ from testbench.effects.signature import Family
 from .candidates import Candidate, candidate
 from .delay import likeliest_delay
 from .evidence import Fit, fitted_to, standard_values
+from .healthy import OFFSET
 from .hypothesis import DELAY, Design
 from .preparation import Prepared
 from .prior import TIMING
+from .zeros import likeliest_zero
 
 Array = NDArray[np.float64]
 
 # Its columns are the last link's.
 PAYLOAD = "payload"
+# Its derivative holds up to so many rad of itself.
+FAR_OFF = 0.03
 # Beside these the runs are linearised anew: they move the parameters that columns are taken at, or their own
 # columns hold near what was fitted only.
 TRANSMISSIONS = ("joint_elasticity", "backlash")
 RELINEARISED = (
     *TRANSMISSIONS,
-    "encoder_offset",
+    OFFSET,
     "encoder_eccentricity",
     PAYLOAD,
     "base_tilt",
@@ -44,31 +48,37 @@ def bends_parameters(family: Family) -> bool:
     return family.swallowed and family.effect in RELINEARISED
 
 
-def first_linearised(prepared: Prepared) -> Prepared:
-    """The runs linearised at their re-identification: beside a delay, where it comes out that late."""
+def first_linearised(prepared: Prepared, seeks_zero: bool = True) -> Prepared:
+    """The runs linearised at their re-identification: beside a zero that lies far off, or a long delay."""
     hypothesis, fitted = fitted_to(prepared, [])
     values = fitted.values
-    if abs(values[hypothesis.timing]) > LATE * TIMING:
+    zeros = np.zeros(prepared.joints)
+    if seeks_zero and (zero := likeliest_zero(hypothesis, fitted)) is not None:
+        values, zeros[zero.joint] = zero.values, zero.offset
+    elif abs(values[hypothesis.timing]) > LATE * TIMING:
         _, values = likeliest_delay(hypothesis, fitted)
-    return _linearised(hypothesis, values, ())[0]
+    return _linearised(hypothesis, values, (), zeros)[0]
 
 
 def linearised_anew(hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
     """The hypothesis with the runs linearised at what was fitted, a delay at its own size; and its fit."""
     values, shapes = fitted.values, [each.member.shape for each in hypothesis.accepted]
-    for place, each in enumerate(hypothesis.accepted):
+    zeros = hypothesis.prepared.zeros.copy()
+    for place, (each, own) in enumerate(zip(hypothesis.accepted, hypothesis.parts, strict=True)):
         if each.family.effect == DELAY:
             delay, values = likeliest_delay(hypothesis, fitted)
             shapes[place] = {"difference": delay}
-    return fitted_to(*_linearised(hypothesis, values, shapes))
+        if each.family.effect == OFFSET and abs(offset := float(fitted.values[own][0])) > FAR_OFF:
+            zeros[each.family.joint] = offset
+    return fitted_to(*_linearised(hypothesis, values, shapes, zeros))
 
 
 def _linearised(
-    hypothesis: Design, values: Array, shapes: Sequence[Mapping[str, float]]
+    hypothesis: Design, values: Array, shapes: Sequence[Mapping[str, float]], zeros: Array
 ) -> tuple[Prepared, list[Candidate]]:
     """The runs with loads and derivatives taken at a hypothesis's unknowns (p,), and its effects there.
 
-    A payload is part of the load. shapes: of the effects.
+    A payload is part of the load. shapes: of the effects. zeros: (n,) rad, as of Logged.
     """
     prepared = hypothesis.prepared
     parameters = standard_values(prepared, values)
@@ -92,9 +102,9 @@ def _linearised(
 
     nothing = [np.zeros_like(run.logged.tau) for run in prepared.runs]
     # What the gearboxes carry is known before what depends on it.
-    carried = again(prepared.linearised_at(parameters, nothing, nothing), loads=True)
-    beside = again(prepared.linearised_at(parameters, carried, nothing), loads=False)
-    return prepared.linearised_at(parameters, carried, beside), accepted
+    carried = again(prepared.linearised_at(parameters, nothing, nothing, zeros), loads=True)
+    beside = again(prepared.linearised_at(parameters, carried, nothing, zeros), loads=False)
+    return prepared.linearised_at(parameters, carried, beside, zeros), accepted
 
 
 def _again(prepared: Prepared, old: Candidate, shape: Mapping[str, float]) -> Candidate:

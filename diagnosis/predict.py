@@ -171,6 +171,7 @@ def logged_motion(model: Corrected, recording: Recording) -> Logged:
         body_origin=model.body_origin,
         coulomb_smoothing=np.maximum(model.coulomb_smoothing, AT_REST),
         coulomb_lead=model.coulomb_lead,
+        zeros=model.zeros,
     )
     return replace(logged, tau=logged.predicted, torque_command=_command(model, recording, logged.dq))
 

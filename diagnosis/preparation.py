@@ -140,6 +140,12 @@ class Prepared:
         return self.runs[0].logged.coulomb_lead
 
     @property
+    def zeros(self) -> Array:
+        """(n,) rad, by which joints are known to read too much, alike in all runs."""
+        known = self.runs[0].logged.zeros
+        return np.zeros(self.joints) if known is None else known
+
+    @property
     def torque_step(self) -> Array:
         """(n,) N·m, in which the coarsest log counts."""
         return np.max([run.torque_step for run in self.runs], axis=0)
@@ -155,16 +161,16 @@ class Prepared:
         return self.robot.parameters
 
     def linearised_at(
-        self, parameters: Array, carried: Sequence[Array], beside: Sequence[Array]
+        self, parameters: Array, carried: Sequence[Array], beside: Sequence[Array], zeros: Array
     ) -> "Prepared":
-        """The same runs with the effects linearised about other standard parameters (14 n,).
+        """The same runs with the effects linearised about other standard parameters (14 n,) and zeros (n,).
 
         carried, beside: a run's torque (N, n) N·m of effects that are known already, as of Logged.
         """
-        runs = (
-            replace(run, logged=replace(run.logged, parameters=parameters, carried=behind, beside=known))
-            for run, behind, known in zip(self.runs, carried, beside, strict=True)
-        )
+        runs = []
+        for run, behind, known in zip(self.runs, carried, beside, strict=True):
+            at = replace(run.logged, parameters=parameters, carried=behind, beside=known, zeros=zeros)
+            runs.append(replace(run, logged=at))
         return replace(self, runs=tuple(runs))
 
 

@@ -41,6 +41,8 @@ class Sought:
 
 
 def _have_one_load(one: Prepared, other: Prepared) -> bool:
-    """Whether in two linearisations of the same runs every joint carries next to the same."""
+    """Whether in two linearisations of the same runs all joints carry next to the same, by the same zeros."""
+    if not np.array_equal(one.zeros, other.zeros):
+        return False
     loads, others = (np.concatenate([run.logged.load for run in each.runs]) for each in (one, other))
     return bool(np.all(np.mean((loads - others) ** 2, axis=0) <= SAME_LOAD**2 * np.mean(loads**2, axis=0)))

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from testbench.robot import Robot
+
 from .bank import Bank
 from .candidates import FREE
 from .evidence import fit, is_extrapolated, squares
 from .generic import RUN_TIME
-from .healthy import SPRINGS
+from .healthy import SPRINGS, is_beyond_healthy
 from .hypothesis import DELAY, LATE, design
-from .likelihood import weigh
+from .likelihood import Weighed, weigh
 from .localisation import regime_shares
 from .noise import noise
 from .spectrum import PERIODIC, SPECTRAL, slow_share
@@ -25,6 +27,10 @@ Array = NDArray[np.float64]
 SMALLEST_SHARE, SMALLEST_TORQUE = 0.25, 0.015
 # ... and that is this share of what re-identification left, and of what the effects taken in explain there.
 SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
+
+# What an effect of healthy size explains, this share of it, is none where it is less than this of the torque;
+# as surely as a name is told.
+AS_WELL, LITTLE_TORQUE, SMALLEST_WALD = 0.8, 0.03, 25.0
 
 # What is left counts without any function to follow where it is this share of the joint's RMS torque, so many
 # times the noise, and this share of what re-identification left.
@@ -166,6 +172,30 @@ def _of_timing(last: Stage) -> Iterator[Unclaimed]:
     share = 1 - last.held_squares / np.maximum(in_time, 1e-300)
     joint = int(np.argmax(share))
     yield Unclaimed(joint, TIMING, float(share[joint]))
+
+
+def without_imperfections(
+    robot: Robot, first: Stage, last: Stage, found: Sequence[Unclaimed], open_: Sequence[Weighed]
+) -> list[Unclaimed]:
+    """What is unclaimed, without the little that an effect of a healthy size explains as well.
+
+    robot: that sizes are relative to. open_: the effects that the last stage has not.
+    """
+
+    def explains(weighed: Weighed, joint: int, squares: float) -> bool:
+        gain, own = weighed.gain, weighed.candidate.family.joint
+        if own != joint or gain.wald < SMALLEST_WALD or gain.held_out[joint] < AS_WELL * squares:
+            return False
+        return not is_beyond_healthy(robot, last.ground.torque_rms, gain.candidate, gain.coefficients)
+
+    kept = []
+    for each in found:
+        squares = each.share * float(first.held_squares[each.joint])
+        torque = np.sqrt(squares / max(float(last.counts[each.joint]), 1.0))
+        is_little = torque < LITTLE_TORQUE * last.ground.torque_rms[each.joint] and each.regime != NOTHING
+        if not (is_little and any(explains(w, each.joint, squares) for w in open_)):
+            kept.append(each)
+    return kept
 
 
 def share_left(first: Stage, last: Stage) -> Array:

@@ -8,14 +8,14 @@ from scipy import signal
 from scipy.interpolate import CubicSpline
 
 from diagnosis.bank import Bank
-from diagnosis.candidates import FREE
+from diagnosis.candidates import FREE, candidates
 from diagnosis.diagnose import diagnose
 from diagnosis.evidence import fitted_to
 from diagnosis.generic import RUN_TIME, generic_candidates
 from diagnosis.ground import ground
-from diagnosis.likelihood import Weighed
+from diagnosis.likelihood import Weighed, weigh
 from diagnosis.preparation import prepare
-from diagnosis.unclaimed import NOTHING, TIMING, unclaimed
+from diagnosis.unclaimed import NOTHING, TIMING, Unclaimed, unclaimed, without_imperfections
 from diagnosis.weighing import Stage
 from identification.parameters import ARMATURE
 from testbench.effects import parse_injection
@@ -174,3 +174,18 @@ def test_the_rounding_of_a_coarse_log_is_not_unknown(tmp_path, levels):
     found, left = _unclaimed(arm, coarse)
     assert left.max() > 0.02
     assert found == ()
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "regime", "kept"),
+    [(0.06, "position", False), (0.06, NOTHING, True), (0.4, "position", True)],
+)
+def test_what_a_cable_as_every_robot_has_explains_as_well_is_not_unknown(arm, stiffness, regime, kept):
+    cable = parse_injection(arm, f"cable_spring:elbow:stiffness={stiffness},rest=0.2")
+    prepared = prepare(arm, simulated_runs(arm, [cable], runs=3))
+    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    open_ = weigh(stage, Bank(stage.ground, candidates(prepared, only=["cable_spring"])))
+    (own,) = (each for each in open_ if each.candidate.family.joint == 1)
+    found = [Unclaimed(1, regime, float(stage.shares(own.gain)[1]))]
+    print(stage.torque_shares(own.gain), own.gain.wald)
+    assert without_imperfections(arm, stage, stage, found, open_) == (found if kept else [])

@@ -58,6 +58,7 @@ def floor(nominal: Robot, twin: Sequence[Recording]) -> Array:
         linearised=parameters,
         coulomb_smoothing=prepared.coulomb_smoothing,
         coulomb_lead=prepared.coulomb_lead,
+        zeros=prepared.zeros,
         body_rotation=logged.body_rotation,
         body_origin=logged.body_origin,
         terms=(),

@@ -22,6 +22,9 @@ DESCRIPTION = EffectDescription(
     loads=True,
 )
 
+# A change over a known offset holds from it over this to this times it.
+NEAR = 1.6
+
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     """The reading plus the offset."""
@@ -35,16 +38,26 @@ def _offset(bus: int, parameters: int, state: int, joint: int) -> None:
 
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
-    """tau(measured - offset): less the derivative of the load by this joint's position, at all joints."""
+    """tau(measured - offset): less the derivative of the load by this joint's position, at all joints.
+
+    Where that is known to lie far off, the change over what is known: exact there, and good near it.
+    """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    parameter = DESCRIPTION.parameters[0]
-    back = np.array([[-1.0, 0.0, 0.0]])
+    parameter, known = DESCRIPTION.parameters[0], runs[0].zeros
+    offset = 0.0 if known is None else float(known[joint])
+    if offset:
+        columns = [run.load_elsewhere(joint, -offset) / offset for run in runs]
+        lower, upper = sorted((offset / NEAR, offset * NEAR))
+    else:
+        back = np.array([[-1.0, 0.0, 0.0]])
+        columns = [run.load_change(joint, back) for run in runs]
+        lower, upper = parameter.lower, parameter.upper
     member = Member(
         shape={},
         rows=tuple(range(runs[0].joints)),
-        columns=tuple(run.load_change(joint, back)[:, :, None] for run in runs),
-        lower=np.array([parameter.lower]),
-        upper=np.array([parameter.upper]),
+        columns=tuple(column[:, :, None] for column in columns),
+        lower=np.array([lower]),
+        upper=np.array([upper]),
     )
     named = coefficients_as_named(DESCRIPTION, ("offset",))
     return Family(DESCRIPTION.name, joint, (member,), named, swallowed=True)

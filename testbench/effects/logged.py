@@ -37,7 +37,8 @@ class Logged:
     body's frame in the last link's (``body_in_link``), which the contract tells a payload in. carried:
     (N, n) N·m, torque of effects behind the gearboxes that are known already. beside: likewise of all others.
     coulomb_smoothing, coulomb_lead: (n,) rad/s (m/s) and s, w and l of Coulomb friction fc tanh(u / w) with
-    u = dq + l ddq; fc sgn u for w = 0, as everywhere where it is left out.
+    u = dq + l ddq; fc sgn u for w = 0, as everywhere where it is left out. zeros: (n,) rad, by which joints
+    are known to read too much.
     """
 
     chain: Chain
@@ -62,6 +63,7 @@ class Logged:
     beside: Array | None = None
     coulomb_smoothing: Array | None = None
     coulomb_lead: float = 0.0
+    zeros: Array | None = None
 
     @property
     def samples(self) -> int:
@@ -144,6 +146,15 @@ class Logged:
         each = np.ascontiguousarray(np.broadcast_to(displacement, (self.samples, 3)))
         _combine(*self.load_derivatives(joint), each, change)
         return change
+
+    def load_elsewhere(self, joint: int, by: float) -> Array:
+        """Change of ``load``, (N, n) N·m, where link coordinate ``joint`` is by so much more, rad: exact."""
+        q = self.q + by * np.eye(self.joints)[joint]
+        # Of many runs at once, each has a thread of its own.
+        here, there = (
+            inverse_dynamics(self.chain, self._links, at, self.dq, self.ddq, threads=1) for at in (self.q, q)
+        )
+        return there - here
 
     @property
     def _links(self) -> Array:
