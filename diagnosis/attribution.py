@@ -80,7 +80,7 @@ class Attribution:
 def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     """Grow the hypothesis from "parameters only" until nothing material is left to explain.
 
-    Where friction turns out not to jump with the speed's sign, all is begun again with what it does; and where
+    Where friction turns out not to jump with the speed's sign, all is begun again with what it does; where
     the zero that parameters were taken beside is no effect in the end, without it.
     """
     # What depends on the logs alone stays when all is begun again.
