@@ -21,7 +21,7 @@ from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
 from .misleading import without_misleading
-from .naming import closed_without_a_name, names_that_hold
+from .naming import closed_without_a_name, names_that_hold, pushes_that_hold
 from .noise import noise
 from .preparation import Prepared
 from .recurrence import recurrence
@@ -57,7 +57,8 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     torque = _torque(prepared)
     accepted, unmet = names_that_hold(found.accepted, gap, fitted_gap, torque)
     untold = closed_without_a_name(accepted, gap, torque)
-    found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold))
+    accepted, bursts = pushes_that_hold(accepted, gap)
+    found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold, *bursts))
     named = [index for index, item in enumerate(found.accepted) if item.named]
     named.sort(key=lambda index: -found.accepted[index].score)
     effects = tuple(_named(found, index) for index in named)

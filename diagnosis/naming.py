@@ -48,6 +48,8 @@ AT_LAST, GAIN_AT_LAST = 9.0, 16.0
 # Joints that move alike share what bristles leave: a drive that two share moves one of them by this share of
 # its torque.
 LEAST_COUPLED = 0.025
+# A push alone takes this share of the gap, where that is so many times the noise: real ones three quarters.
+OF_A_PUSH, BEYOND_NOISE = 0.55, 1.3
 # Effects without a name that take this share of a joint's torque, and of its gap, off runs left out are no
 # healthy robot's imperfections, of which 140 took 5 % at most.
 CLOSED_TORQUE, CLOSED_SHARE = 0.08, 0.5
@@ -235,6 +237,25 @@ def names_that_hold(
     unmet = [joint for joint in sorted(without) if gap.effects[joint] > LEAST_UNMET * torque[joint]]
     return kept, tuple(
         Unclaimed(joint, NOTHING, float(left[joint]), has_lost_its_name=True) for joint in unmet
+    )
+
+
+def pushes_that_hold(
+    accepted: Sequence[Accepted], gap: Gap
+) -> tuple[tuple[Accepted, ...], tuple[Unclaimed, ...]]:
+    """What was taken in, without the names of pushes where no other has one and half of the gap is left.
+
+    And their joints: what acts in bursts there is not the surroundings. gap: on whole runs left out.
+    """
+    named = [item for item in accepted if item.named]
+    is_far = gap.parameters.sum() > BEYOND_NOISE * gap.noise_floor.sum()
+    is_little = gap.closed is not None and gap.closed < OF_A_PUSH and is_far
+    if not named or not is_little or not all(item.candidate.is_event for item in named):
+        return tuple(accepted), ()
+    joints = {item.candidate.family.joint for item in named}
+    left = np.minimum(gap.effects / np.maximum(gap.parameters, 1e-300), 1.0) ** 2
+    return tuple(replace(item, named=False) for item in accepted), tuple(
+        Unclaimed(joint, NOTHING, float(left[joint])) for joint in sorted(j for j in joints if j is not None)
     )
 
 

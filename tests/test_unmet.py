@@ -22,7 +22,13 @@ from diagnosis.diagnose import diagnose
 from diagnosis.evidence import fitted_to
 from diagnosis.findings import Gap
 from diagnosis.ground import ground
-from diagnosis.naming import as_fitted_at_last, closed_without_a_name, couples, names_that_hold
+from diagnosis.naming import (
+    as_fitted_at_last,
+    closed_without_a_name,
+    couples,
+    names_that_hold,
+    pushes_that_hold,
+)
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
 from identification.parameters import COULOMB
@@ -248,6 +254,19 @@ def test_a_name_that_leaves_the_gap_as_it_was_does_not_hold(
     assert [each.named for each in found] == [holds, holds]
     assert [each.joint for each in unmet] == unknown
     assert all(each.has_lost_its_name for each in unmet)
+
+
+@pytest.mark.parametrize(
+    ("after", "floor", "beside", "holds"),
+    [(6.0, 1.0, False, False), (3.0, 1.0, False, True), (6.0, 1.0, True, True), (9.0, 8.0, False, True)],
+)
+def test_a_push_that_leaves_half_of_the_gap_is_none(prepared, after, floor, beside, holds):
+    cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
+    push = _accepted(replace(cable, family=replace(cable.family, effect="external_contact")))
+    gap = Gap(*(np.array([0.0, each]) for each in (12.0, 10.0, after, floor)))
+    found, bursts = pushes_that_hold([push, replace(_accepted(cable), named=beside)], gap)
+    assert found[0].named == holds
+    assert [each.joint for each in bursts] == ([] if holds else [1])
 
 
 @pytest.mark.parametrize(
