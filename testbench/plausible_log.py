@@ -175,14 +175,17 @@ def _break(time: Array, position: Array) -> int | None:
     moved = np.abs(np.diff(position))
     speed = moved / np.diff(time)
     counts = COUNTS * float(np.min(moved, where=moved > 0, initial=np.inf))
-    around = maximum_filter1d(speed, 2 * AROUND + 1) if len(speed) else speed
-    # Only what is fastest of its own neighbourhood can stand out of it.
-    for step in np.flatnonzero((speed == around) & (speed > 0) & (moved > counts)).tolist():
-        near = slice(max(step - AROUND, 0), step + AROUND + 1)
-        others = np.delete(speed[near], step - near.start)
-        before, after = position[max(0, step + 1 - AROUND) : step + 1], position[step + 1 :][:AROUND]
+    if len(speed) <= 2 * AROUND:
+        return None
+    around = maximum_filter1d(speed, 2 * AROUND + 1)
+    # Only what is fastest of its own neighbourhood can stand out of it; at an end an arm may still settle.
+    inside = np.arange(AROUND, len(speed) - AROUND)
+    fastest = (speed == around) & (speed > 0) & (moved > counts)
+    for step in inside[fastest[inside]].tolist():
+        others = np.delete(speed[step - AROUND : step + AROUND + 1], AROUND)
+        before, after = position[step + 1 - AROUND : step + 1], position[step + 1 : step + 1 + AROUND]
         stays = abs(np.median(after) - np.median(before)) > moved[step] / 2
-        if len(others) >= AROUND and speed[step] > BREAK * others.max() and stays:
+        if speed[step] > BREAK * others.max() and stays:
             return step + 1
     return None
 

@@ -24,7 +24,7 @@ def _with_parameters(prepared, places, factor):
     table = prepared.nominal.reshape(-1, PER_JOINT).copy()
     table[:, places] *= factor
     nothing = [np.zeros_like(run.logged.tau) for run in prepared.runs]
-    return prepared.linearised_at(table.ravel(), nothing, nothing)
+    return prepared.linearised_at(table.ravel(), nothing, nothing, prepared.zeros)
 
 
 def _by_another_friction(prepared):
