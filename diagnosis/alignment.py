@@ -11,6 +11,7 @@ import numpy as np
 
 from testbench.log import Recording
 from testbench.robot import Robot
+from testbench.torque_lag import IN_TIME, TorqueLag
 
 from .delay import likeliest_lateness
 from .evidence import fitted_to, rms
@@ -29,15 +30,15 @@ SURELY = 100.0
 def aligned(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
     """The runs as of ``prepare``, their torque as of their positions where the logs have it late."""
     prepared = prepare(robot, recordings)
-    late = lateness(prepared)
-    return prepare(robot, recordings, late) if late > 0 else prepared
+    lag = lateness(prepared)
+    return prepare(robot, recordings, lag) if lag.seconds > 0 else prepared
 
 
-def lateness(prepared: Prepared) -> float:
-    """Seconds by which all torque of these runs is surely late; 0 where the unknown timing says as well."""
+def lateness(prepared: Prepared) -> TorqueLag:
+    """How all torque of these runs is surely late; in time where the unknown timing says as well."""
     hypothesis, fitted = fitted_to(prepared, [])
     poor = np.median(rms(fitted.residual, hypothesis) / ground(prepared).torque_rms) > LEFT
     if fitted.values[hypothesis.timing] < FIRST_GUESS and not poor:
-        return 0.0
-    late, likelier = likeliest_lateness(hypothesis, fitted)
-    return late if late > LEAST and likelier > SURELY else 0.0
+        return IN_TIME
+    lag, likelier = likeliest_lateness(hypothesis, fitted)
+    return lag if lag.seconds > LEAST and likelier > SURELY else IN_TIME

@@ -1,6 +1,6 @@
 """The corrected model as plain numbers: all that is needed to predict torque along another motion."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from identification.chain import Chain
 from identification.errors import InputError
 from identification.parameters import PER_JOINT
 from testbench.robot import Limits
+from testbench.torque_lag import TorqueLag
 
 from .evidence import Fit
 from .findings import Diagnosis
@@ -41,7 +42,7 @@ class Corrected:
     """The model as given, re-identified, and with the effects; standard parameters (14 n,) each.
 
     chain, limits: of the model as given. nominal: as given. parameters: re-identified alone. final:
-    beside the effects. late: s, by which the logs have their torque late; parameters_timing, final_timing:
+    beside the effects. lag: by which the logs have their torque late; parameters_timing, final_timing:
     and what is left of that beside them.
     linearised: (14 n,) that the effects' columns are taken at; zeros: (n,) rad, likewise, as of Logged.
     coulomb_smoothing, coulomb_lead: (n,) rad/s (m/s) and s, of Coulomb friction in what was re-identified, as
@@ -55,7 +56,7 @@ class Corrected:
     parameters_timing: float
     final: Array
     final_timing: float
-    late: float
+    lag: TorqueLag
     linearised: Array
     coulomb_smoothing: Array
     coulomb_lead: float
@@ -86,7 +87,7 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
         parameters_timing=parameters_timing,
         final=diagnosis.parameters,
         final_timing=diagnosis.timing,
-        late=diagnosis.prepared.late,
+        lag=diagnosis.prepared.lag,
         linearised=logged.parameters,
         coulomb_smoothing=diagnosis.prepared.coulomb_smoothing,
         coulomb_lead=diagnosis.prepared.coulomb_lead,
@@ -119,7 +120,7 @@ def correction_document(model: Corrected) -> dict[str, Any]:
         "nominal": model.nominal.tolist(),
         "coulomb_smoothing": model.coulomb_smoothing.tolist(),
         "coulomb_lead": model.coulomb_lead,
-        "late": model.late,
+        "lag": asdict(model.lag),
         "zeros": model.zeros.tolist(),
         "parameters": {"standard": model.parameters.tolist(), "timing": model.parameters_timing},
         "effects": {
@@ -165,7 +166,7 @@ def read_correction(document: Any, source: object) -> Corrected:
             parameters_timing=float(document["parameters"]["timing"]),
             final=np.array(effects["standard"], dtype=np.float64),
             final_timing=float(effects["timing"]),
-            late=float(document["late"]),
+            lag=TorqueLag(**document["lag"]),
             linearised=np.array(effects["linearised_at"], dtype=np.float64),
             coulomb_smoothing=np.array(document["coulomb_smoothing"], dtype=np.float64),
             coulomb_lead=float(document["coulomb_lead"]),

@@ -4,11 +4,15 @@ A column that is linear in the delay holds near the size and at the parameters i
 makes the controller shake bends those until nothing can be told. Shifted back, torque is linear in all else.
 """
 
+from collections.abc import Sequence
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from testbench.effects import effect
+from testbench.torque_lag import TorqueLag, derivatives
 
 from .bounded import solve
 from .evidence import Fit, normal_of
@@ -22,6 +26,11 @@ Array = NDArray[np.float64]
 STEP, TOLERANCE, LATEST = 0.003, 1e-6, 0.1
 DELAYS = np.arange(0.0, effect(DELAY).DESCRIPTION.parameters[0].upper, STEP)
 LATENESSES = np.arange(-LATEST, TOLERANCE, STEP)
+# Orders of a low-pass that torque may have passed, and time constants of its corner, s.
+ORDERS, CONSTANTS = (1, 2), np.arange(STEP, 0.04, STEP)
+# How much likelier than a time alone, an independent sample: real ones by .3 and more, a mean over 40 ms,
+# which is neither, by .12.
+PASSED = 0.2
 
 
 def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
@@ -38,15 +47,20 @@ def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
     return delay, values
 
 
-def likeliest_lateness(hypothesis: Design, fitted: Fit) -> tuple[float, float]:
-    """How late the logs have all torque, s, if a hypothesis is right; and how much likelier that is than not.
+def likeliest_lateness(hypothesis: Design, fitted: Fit) -> tuple[TorqueLag, float]:
+    """How the logs have all torque late if a hypothesis is right; and how much likelier that is than not.
 
     In units of log-likelihood, against no delay or any. No drive acts before it is told: this is of the way
-    the logs were taken.
+    the logs were taken. Through a low-pass only where that is far likelier than by a time alone.
     """
     shifted = _Shifted(hypothesis, fitted)
     late = -shifted.likeliest(LATENESSES, -np.inf, -TOLERANCE)
-    return late, shifted.fit(-late)[0] - max(shifted.fit(delay)[0] for delay in DELAYS.tolist())
+    best, most = TorqueLag(delay=late), shifted.fit(-late)[0]
+    passed = [shifted.likeliest_low_pass(order) for order in ORDERS]
+    through = max(passed, key=lambda lag: shifted.through(lag)[0])
+    if shifted.through(through)[0] > most + PASSED * float(hypothesis.independent.sum()):
+        best, most = through, shifted.through(through)[0]
+    return best, most - max(shifted.fit(delay)[0] for delay in DELAYS.tolist())
 
 
 class _Shifted:
@@ -73,15 +87,56 @@ class _Shifted:
 
     def fit(self, delay: float) -> tuple[float, Array]:
         """Log-likelihood up to a constant, and the unknowns (p,)."""
+        parts = []
+        for run, each in enumerate(self.base.prepared.runs):
+            whole, share = divmod(delay * each.logged.sample_rate, 1)
+            # Between two samples the torque is a line, and so is all that is linear in it.
+            one, other = self._moved(run, int(whole)), self._moved(run, int(whole) + 1)
+            parts.append([(1 - share, *one), (share, *other)])
+        return self._fit(parts)
+
+    def likeliest_low_pass(self, order: int) -> TorqueLag:
+        """The likeliest of those low-passes of an order that are tried, and nearer yet."""
+        gains = [self.through(TorqueLag(0.0, order, constant))[0] for constant in CONSTANTS.tolist()]
+        nearest = float(CONSTANTS[np.argmax(gains)])
+        found = minimize_scalar(
+            lambda constant: -self.through(TorqueLag(0.0, order, constant))[0],
+            bounds=(nearest - STEP + TOLERANCE, nearest + STEP),
+            method="bounded",
+            options={"xatol": TOLERANCE},
+        )
+        return TorqueLag(0.0, order, float(found.x))
+
+    def through(self, lag: TorqueLag) -> tuple[float, Array]:
+        """Log-likelihood up to a constant, and the unknowns (p,), if the torque has passed a low-pass."""
+        return self._fit(
+            [
+                [(weight, *part) for weight, part in zip(lag.weights, each, strict=True)]
+                for each in self._derivatives
+            ]
+        )
+
+    @cached_property
+    def _derivatives(self) -> list[list[tuple[Array, Array]]]:
+        """The first two derivatives of each run's torque, filtered (M, n), and X' of each, (n, p)."""
+        found = []
+        for run, each in enumerate(self.base.prepared.runs):
+            raw = derivatives(each.logged.tau, each.logged.sample_rate)
+            filtered = [each.filtered(of, range(self.base.joints)) for of in raw]
+            found.append([(moved, self._products(run, moved)) for moved in filtered])
+        return found
+
+    def _fit(self, parts: Sequence[Sequence[tuple[float, Array, Array]]]) -> tuple[float, Array]:
+        """Log-likelihood up to a constant, and the unknowns (p,).
+
+        parts: of a run, what is added to its torque: how many times, what (M, n) and X' of it (n, p).
+        """
         base, joints = self.base, range(self.base.joints)
         gap, xy = [], self.xy
-        for run, left in enumerate(base.gap):
-            whole, share = divmod(delay * base.prepared.runs[run].logged.sample_rate, 1)
-            # Between two samples the torque is a line, and so is all that is linear in it.
-            parts = self._moved(run, int(whole)), self._moved(run, int(whole) + 1)
-            moved, products = ((1 - share) * one + share * other for one, other in zip(*parts, strict=True))
-            gap.append(left + moved)
-            xy = xy + products
+        for left, of_run in zip(base.gap, parts, strict=True):
+            for times, moved, products in of_run:
+                left, xy = left + times * moved, xy + times * products
+            gap.append(left)
         values = solve(self.matrix, self.weights @ xy, self.lower, self.upper)
         y = base.rows(gap)
         squares = np.array(

@@ -10,6 +10,7 @@ import numpy as np
 
 from testbench.effects.signature import Quantity
 from testbench.files import replacing
+from testbench.torque_lag import TorqueLag
 
 from .correction import corrected_model, correction_document
 from .discrimination import NextExperiment
@@ -116,7 +117,8 @@ def diagnosis_document(
         "misplaced": _misplaced(diagnosis.misplaced, names),
         "torque_scale": {names[joint]: _number(factor) for joint, factor in diagnosis.scales.items()},
         "torque_by_limit": {names[joint]: _number(times) for joint, times in diagnosis.excessive.items()},
-        "late": _number(diagnosis.prepared.late),
+        "late": _number(diagnosis.prepared.lag.seconds),
+        "low_passed": _low_passed(diagnosis.prepared.lag),
         "noise_unseen": [names[joint] for joint in diagnosis.noise_unseen],
         "silent": [names[joint] for joint in sorted(diagnosis.prepared.silent)],
         "untold": [names[joint] for joint in diagnosis.untold],
@@ -124,6 +126,11 @@ def diagnosis_document(
         "everywhere": [{"effect": effect, "joint": name(joint)} for effect, joint in diagnosis.everywhere],
         "correction": correction_document(corrected_model(diagnosis)),
     }
+
+
+def _low_passed(lag: TorqueLag) -> dict[str, Any] | None:
+    """The low-pass that the logged torque has passed, corner in Hz; None for none."""
+    return {"order": lag.order, "corner": _number(lag.corner)} if lag.order else None
 
 
 def _misplaced(found: Misplaced | None, names: Sequence[str]) -> dict[str, Any] | None:

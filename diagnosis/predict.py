@@ -108,8 +108,8 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     for torque in _term_torques(model.terms, logged):
         corrected += torque
     parameters = _shifted(parameters, model.parameters_timing * logged.sample_rate)
-    late = model.late * logged.sample_rate
-    torques = (nominal, _shifted(parameters, late), _shifted(corrected, late))
+    as_logged = (model.lag.put_on(torque, logged.sample_rate) for torque in (parameters, corrected))
+    torques = (nominal, *as_logged)
     # A log whose time stamps stray was resampled.
     return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
 

@@ -21,7 +21,8 @@ from testbench.effects.signature import Window
 from testbench.log import Recording, with_channels
 from testbench.lost_samples import lost_samples, mended
 from testbench.robot import Robot
-from testbench.sampling import motion, on_grid, with_torque_in_time
+from testbench.sampling import motion, on_grid
+from testbench.torque_lag import IN_TIME, TorqueLag
 
 from .band import joint_bands
 from .decimation import DecimatingFilter, decimating_filters, filtered, filtered_windows
@@ -103,7 +104,7 @@ class Prepared:
     folds: per fold, the run's index and the samples (into its M) that belong to it. band: (n,) of the widest
     band, the share that each joint's filter leaves. encoder_torque: (n,) N·m RMS that encoders' noise
     seems to add there. thinning: one in so many is kept of the samples that hold what was passed. held:
-    joints that bristles hold, so that their samples near rest count, too. late: s, by which the logs had
+    joints that bristles hold, so that their samples near rest count, too. lag: by which the logs had
     their torque late; it is as of the positions here. silent: joints whose torque never changes, of which no
     sample counts.
     """
@@ -115,7 +116,7 @@ class Prepared:
     folds: tuple[tuple[int, slice], ...]
     thinning: int
     held: frozenset[int] = frozenset()
-    late: float = 0.0
+    lag: TorqueLag = IN_TIME
     silent: frozenset[int] = frozenset()
 
     @property
@@ -179,16 +180,16 @@ def filter_cutoff(sample_rate: float) -> float:
     return Preprocessing(CUTOFF).at(sample_rate).cutoff
 
 
-def prepare(robot: Robot, recordings: Mapping[str, Recording], late: float = 0.0) -> Prepared:
+def prepare(robot: Robot, recordings: Mapping[str, Recording], lag: TorqueLag = IN_TIME) -> Prepared:
     """Filter every run and write its equations.
 
-    late: s, by which the recordings have their torque late. Raises InputError for runs that are too short, or
+    lag: by which the recordings have their torque late. Raises InputError for runs that are too short, or
     all at rest.
     """
     if not recordings:
         raise InputError("diagnose", "logs", "at least one", 0)
     fast = _fastest(robot, list(recordings.values()))
-    logs = [_log(name, recording, fast, late) for name, recording in recordings.items()]
+    logs = [_log(name, recording, fast, lag) for name, recording in recordings.items()]
     widest = max(filter_cutoff(log.motion.sample_rate) for log in logs)
     bands = joint_bands(robot, [log.motion for log in logs], widest)
     thinning = _thinning(robot, logs, float(bands.cutoff.max()))
@@ -202,7 +203,7 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording], late: float = 0.0
     folds = tuple((index, part) for index, run in enumerate(runs) for part in blocks(len(run.time), each))
     silent = frozenset(np.flatnonzero(~speaks).tolist())
     share = bands.cutoff / widest
-    return Prepared(robot, runs, share, bands.encoder_torque, folds, thinning, late=late, silent=silent)
+    return Prepared(robot, runs, share, bands.encoder_torque, folds, thinning, lag=lag, silent=silent)
 
 
 def blocks(samples: int, count: int) -> list[slice]:
@@ -248,9 +249,9 @@ class _Log:
     position_step: Array
 
 
-def _log(name: str, recording: Recording, fast: float, late: float) -> _Log:
+def _log(name: str, recording: Recording, fast: float, lag: TorqueLag) -> _Log:
     lost = lost_samples(recording)
-    even = with_torque_in_time(thinned(on_grid(mended(recording, lost)), fast), late)
+    even = lag.taken_back(thinned(on_grid(mended(recording, lost)), fast))
     steps = _step(recording.torque), _step(recording.position)
     return _Log(name, even, motion(even), recording.time[~lost], int(lost.sum()), *steps)
 

@@ -48,7 +48,7 @@ def write_corrected(diagnosis: Diagnosis, path: str | Path) -> tuple[str, ...]:
         robot = robot_with(diagnosis.robot, standard, Path(folder))
         kept, refused = _written(robot, wanted, path)
     model = corrected_model(diagnosis)
-    late = model.late + model.final_timing
+    late = model.lag.seconds + model.final_timing
     if abs(late) >= 0.5 * diagnosis.prepared.sample_time:
         when = f"{1e3 * abs(late):.2g} ms {'late' if late > 0 else 'early'}"
         kept += (

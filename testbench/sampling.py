@@ -1,7 +1,5 @@
 """Recordings on a uniform grid: resampled only where time stamps stray from it."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
@@ -38,19 +36,6 @@ def on_grid(recording: Recording) -> Recording:
     return with_channels(
         recording, grid, lambda field, own: interpolated(recording.time, own, grid, field in SMOOTH)
     )
-
-
-def with_torque_in_time(recording: Recording, late: float) -> Recording:
-    """The recording with the torque that it has so much late, s, at the instants that it is of.
-
-    It ends so much earlier, as what acted then is not in it.
-    """
-    if late == 0:
-        return recording
-    kept = recording.time <= recording.time[-1] - late
-    shorter = with_channels(recording, recording.time[kept], lambda _, own: own[kept])
-    torque = interpolated(recording.time, recording.torque, shorter.time + late, is_smooth=False)
-    return replace(shorter, torque=torque)
 
 
 def interpolated(time: Array, values: Array, instants: Array, is_smooth: bool) -> Array:

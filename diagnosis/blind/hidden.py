@@ -54,7 +54,7 @@ def floor(nominal: Robot, twin: Sequence[Recording]) -> Array:
         parameters_timing=float(fitted.values[count]),
         final=parameters,
         final_timing=float(fitted.values[count]),
-        late=prepared.late,
+        lag=prepared.lag,
         linearised=parameters,
         coulomb_smoothing=prepared.coulomb_smoothing,
         coulomb_lead=prepared.coulomb_lead,

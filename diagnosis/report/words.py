@@ -135,10 +135,12 @@ def untold(diagnosis: Diagnosis) -> list[str]:
 
 def late(diagnosis: Diagnosis) -> list[str]:
     """By how much the logs had their torque late, and that it was taken back; nothing where they had not."""
-    seconds = diagnosis.prepared.late
-    if seconds == 0:
+    lag = diagnosis.prepared.lag
+    if lag.seconds == 0:
         return []
-    return [f"The logs have all torque {1e3 * seconds:.3g} ms late against the positions; it was taken back."]
+    through = f", as through a low-pass at {lag.corner:.3g} Hz" if lag.order else ""
+    how_late = f"{1e3 * lag.seconds:.3g} ms late against the positions{through}"
+    return [f"The logs have all torque {how_late}; it was taken back."]
 
 
 def noise_unseen(diagnosis: Diagnosis) -> list[str]:
