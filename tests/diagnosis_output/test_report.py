@@ -17,6 +17,7 @@ from diagnosis.report.summary import summary
 from testbench.log import Recording
 from testbench.recording import POSE_RATE
 from testbench.robot import Robot
+from testbench.torque_lag import TorqueLag
 
 from ..diagnosed import diagnosed, in_closed_loop
 from ..html_page import Page
@@ -83,7 +84,7 @@ def test_session_holds_both_residuals_and_the_moving_arm(answer: Diagnosis, tmp_
 
 
 def test_page_says_first_what_the_logs_have_late(answer: Diagnosis) -> None:
-    late = replace(answer, prepared=replace(answer.prepared, late=0.012))
+    late = replace(answer, prepared=replace(answer.prepared, lag=TorqueLag(0.012)))
     text = render(late, "now")
     assert text.index("all torque 12 ms late") < text.index("Which effect")
     assert "ms late" not in render(answer, "now")
