@@ -21,7 +21,8 @@ TURN = 2 * np.pi
 # A wrap is a step so near to a turn, rad, and so many times faster than the joint is anywhere else.
 NEAR_A_TURN, FASTER = 0.5, 3.0
 # A step is so many times faster than the joint is in so many samples to either side, and stays: no arm does.
-BREAK, AROUND = 10.0, 20
+# And faster, likewise, than it is at this share of all samples: at rest any count stands out.
+BREAK, AROUND, NEARLY_ALL = 10.0, 20, 0.999
 # And more than so many times the smallest step of its encoder.
 COUNTS = 8.0
 # Share of samples that may lie anywhere: spoiled ones are mended later.
@@ -180,7 +181,8 @@ def _break(time: Array, position: Array) -> int | None:
     around = maximum_filter1d(speed, 2 * AROUND + 1)
     # Only what is fastest of its own neighbourhood can stand out of it; at an end an arm may still settle.
     inside = np.arange(AROUND, len(speed) - AROUND)
-    fastest = (speed == around) & (speed > 0) & (moved > counts)
+    fast = FASTER * float(np.quantile(speed, NEARLY_ALL))
+    fastest = (speed == around) & (speed > fast) & (moved > counts)
     for step in inside[fastest[inside]].tolist():
         others = np.delete(speed[step - AROUND : step + AROUND + 1], AROUND)
         before, after = position[step + 1 - AROUND : step + 1], position[step + 1 : step + 1 + AROUND]

@@ -73,6 +73,14 @@ def test_two_runs_in_one_log_are_told_and_a_late_packet_is_let_pass(robot, healt
     _check_motion(robot, replace(healthy, position=late))
 
 
+def test_a_joint_at_rest_that_settles_by_some_counts_is_let_pass(robot, healthy):
+    resting = healthy.position.copy()
+    resting[:, 1] = np.where(np.arange(len(resting)) < 1000, 0.3, 0.3 + 3e-5)
+    resting[500:502, 1] += 1e-6
+    resting[1500:, 1] = 0.3 + healthy.position[1500:, 1] - healthy.position[1500, 1]
+    _check_motion(robot, replace(healthy, position=resting))
+
+
 def test_positions_that_are_the_reference_are_told(robot, healthy):
     followed = replace(healthy, reference_position=healthy.position.copy())
     with pytest.raises(InputError, match="expected measured positions, got those of reference/position"):

@@ -9,7 +9,7 @@ import pytest
 
 from identification.errors import InputError
 from testbench.log import Recording, write_log
-from testbench.robot import Robot
+from testbench.robot import Robot, load_robot
 from testbench.runs import read_runs
 
 from .one_line import complaint
@@ -82,3 +82,9 @@ def test_runs_of_other_joints_are_refused(
     write_log(replace(recordings[0], joint_names=("waist", "knee", "ram")), tmp_path / "one.h5")
     with pytest.raises(InputError, match=r"one\.h5: joint_names"):
         read_runs([tmp_path / "one.h5"], robot)
+
+
+@pytest.mark.parametrize("real", ["tx40", "ur10"])
+def test_recordings_of_real_robots_are_taken(real_data, real):
+    paths = [real_data / real / name for name in ("half_1.h5", "half_2.h5")]
+    assert len(read_runs(paths, load_robot(real_data / real / "nominal.xml"))) == 2
