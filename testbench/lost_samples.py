@@ -72,10 +72,10 @@ def _repeated(values: Array) -> Mask:
     again = np.zeros(len(values), bool)
     again[1:] = np.all(values[1:] == values[:-1], axis=1)
     counts = COUNTS * np.array([_step(column) for column in values.T])
-    for first, last in _stretches(again):
-        if not np.any(np.abs(values[min(last, len(values) - 1)] - values[first - 1]) > counts):
-            again[first:last] = False
-    return again
+    # Where values are held, the step after is the next sample that is not.
+    fresh = np.flatnonzero(~again)
+    steps_on = np.append(np.any(np.abs(np.diff(values[fresh], axis=0)) > counts, axis=1), False)
+    return again & steps_on[np.cumsum(~again) - 1]
 
 
 def _held(recording: Recording) -> Mask:
