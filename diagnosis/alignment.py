@@ -40,5 +40,5 @@ def lateness(prepared: Prepared) -> TorqueLag:
     poor = np.median(rms(fitted.residual, hypothesis) / ground(prepared).torque_rms) > LEFT
     if fitted.values[hypothesis.timing] < FIRST_GUESS and not poor:
         return IN_TIME
-    lag, likelier = likeliest_lateness(hypothesis, fitted)
-    return lag if lag.seconds > LEAST and likelier > SURELY else IN_TIME
+    lag = likeliest_lateness(hypothesis, fitted, SURELY)
+    return lag if lag.seconds > LEAST else IN_TIME

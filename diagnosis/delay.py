@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from testbench.effects import effect
-from testbench.torque_lag import TorqueLag, derivatives
+from testbench.torque_lag import IN_TIME, TorqueLag, derivatives
 
 from .bounded import solve
 from .evidence import Fit, normal_of
@@ -47,20 +47,21 @@ def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
     return delay, values
 
 
-def likeliest_lateness(hypothesis: Design, fitted: Fit) -> tuple[TorqueLag, float]:
-    """How the logs have all torque late if a hypothesis is right; and how much likelier that is than not.
+def likeliest_lateness(hypothesis: Design, fitted: Fit, surely: float) -> TorqueLag:
+    """How the logs have all torque late if a hypothesis is right; in time unless that is so much likelier.
 
-    In units of log-likelihood, against no delay or any. No drive acts before it is told: this is of the way
-    the logs were taken. Through a low-pass only where that is far likelier than by a time alone.
+    surely: log-likelihood, against no delay or any. No drive acts before it is told: this is of the way the
+    logs were taken. Through a low-pass only where that is far likelier than by a time alone.
     """
     shifted = _Shifted(hypothesis, fitted)
     late = -shifted.likeliest(LATENESSES, -np.inf, -TOLERANCE)
-    best, most = TorqueLag(delay=late), shifted.fit(-late)[0]
+    most = shifted.fit(-late)[0]
+    if most < max(shifted.fit(delay)[0] for delay in DELAYS.tolist()) + surely:
+        return IN_TIME
     passed = [shifted.likeliest_low_pass(order) for order in ORDERS]
     through = max(passed, key=lambda lag: shifted.through(lag)[0])
-    if shifted.through(through)[0] > most + PASSED * float(hypothesis.independent.sum()):
-        best, most = through, shifted.through(through)[0]
-    return best, most - max(shifted.fit(delay)[0] for delay in DELAYS.tolist())
+    is_passed = shifted.through(through)[0] > most + PASSED * float(hypothesis.independent.sum())
+    return through if is_passed else TorqueLag(delay=late)
 
 
 class _Shifted:
