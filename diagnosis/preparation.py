@@ -14,24 +14,19 @@ from identification.filtering import decimation_step
 from identification.models import POSITION_BAND, Preprocessing
 from identification.parameters import PER_JOINT
 from identification.regressor import regressor
-from identification.signals import Motion
 from identification.springs import spring_torque
 from testbench.effects.logged import Logged, body_in_link
 from testbench.effects.signature import Window
-from testbench.log import Recording, with_channels
-from testbench.lost_samples import lost_samples, mended
+from testbench.log import Recording
 from testbench.robot import Robot
-from testbench.sampling import motion, on_grid
 from testbench.torque_lag import IN_TIME, TorqueLag
 
 from .band import joint_bands
 from .decimation import DecimatingFilter, decimating_filters, filtered, filtered_windows
+from .mended_log import MendedLog, fastest, mended_log
 
 Array = NDArray[np.float64]
 
-# Hz; logs are not looked at faster, nor long ones than this, lest so many samples of all joints together fill
-# the memory.
-FAST, SLOWEST, MOST_LOGGED = 1000.0, 250.0, 2_000_000
 # The widest band in which gaps are sought; how slow a joint must be for its friction's sign to be unknown.
 CUTOFF = 20.0
 DEAD_ZONE = 0.02
@@ -41,9 +36,7 @@ SMALLEST_RUN = 40
 # And it smears what was made up where samples are missing: between stamps this share of a cut-off period,
 # and so many steps, apart.
 LONGEST_STEP, STEPS = 0.15, 1.6
-# Of all that a torque moves; what is less is no step of it.
-ROUNDING = 1e-9
-# And so many are kept of what the low-pass leaves, but one in so many at least.
+# So many samples are kept of what the low-pass leaves, but one in so many at least.
 MOST_KEPT, THINNEST = 150_000, 3
 # Where there are fewer runs, blocks of each stand in for them.
 FEWEST_FOLDS = 3
@@ -188,8 +181,8 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording], lag: TorqueLag = 
     """
     if not recordings:
         raise InputError("diagnose", "logs", "at least one", 0)
-    fast = _fastest(robot, list(recordings.values()))
-    logs = [_log(name, recording, fast, lag) for name, recording in recordings.items()]
+    fast = fastest(robot.joints, list(recordings.values()))
+    logs = [mended_log(name, recording, fast, lag) for name, recording in recordings.items()]
     widest = max(filter_cutoff(log.motion.sample_rate) for log in logs)
     bands = joint_bands(robot, [log.motion for log in logs], widest)
     thinning = _thinning(robot, logs, float(bands.cutoff.max()))
@@ -212,51 +205,7 @@ def blocks(samples: int, count: int) -> list[slice]:
     return [slice(*pair) for pair in itertools.pairwise(edges)]
 
 
-def _fastest(robot: Robot, recordings: Sequence[Recording]) -> float:
-    """The sample rate that these logs are looked at, Hz."""
-    seconds = sum(len(each.time) / each.sample_rate for each in recordings)
-    return float(np.clip(MOST_LOGGED / (seconds * robot.joints), SLOWEST, FAST))
-
-
-def thinned(recording: Recording, fast: float) -> Recording:
-    """A fast log as means of neighbouring samples, at about so many Hz; the band in question is far below."""
-    count = round(recording.sample_rate / fast)
-    if count < 2:
-        return recording
-
-    def means(samples: Array) -> Array:
-        whole = len(samples) // count * count
-        return samples[:whole].reshape(-1, count, *samples.shape[1:]).mean(axis=1)
-
-    slower = replace(recording, sample_rate=recording.sample_rate / count)
-    return with_channels(slower, means(recording.time), lambda _, own: means(own))
-
-
-@dataclass(frozen=True)
-class _Log:
-    """A log before it is filtered.
-
-    recording: mended, thinned and on a grid; motion: its own. stamps: (S,) s of what was not lost.
-    lost, torque_step, position_step: as of ``Run``.
-    """
-
-    name: str
-    recording: Recording
-    motion: Motion
-    stamps: Array
-    lost: int
-    torque_step: Array
-    position_step: Array
-
-
-def _log(name: str, recording: Recording, fast: float, lag: TorqueLag) -> _Log:
-    lost = lost_samples(recording)
-    even = lag.taken_back(thinned(on_grid(mended(recording, lost)), fast))
-    steps = _step(recording.torque), _step(recording.position)
-    return _Log(name, even, motion(even), recording.time[~lost], int(lost.sum()), *steps)
-
-
-def _thinning(robot: Robot, logs: Sequence[_Log], band: float) -> int:
+def _thinning(robot: Robot, logs: Sequence[MendedLog], band: float) -> int:
     """One in how many samples is kept of these logs, low-passed at so many Hz."""
     rates = [log.motion.sample_rate for log in logs]
     lengths = [len(log.recording.time) for log in logs]
@@ -264,7 +213,7 @@ def _thinning(robot: Robot, logs: Sequence[_Log], band: float) -> int:
     return int(np.clip(np.ceil(kept * robot.joints / MOST_KEPT), 1, THINNEST))
 
 
-def _run(robot: Robot, log: _Log, bands: Array, thinning: int) -> Run:
+def _run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> Run:
     """One run filtered. bands: (n,) Hz. thinning: as of ``Prepared``."""
     recording, rate = log.recording, log.motion.sample_rate
     cutoff = filter_cutoff(rate)
@@ -331,13 +280,6 @@ def _run(robot: Robot, log: _Log, bands: Array, thinning: int) -> Run:
     whole = np.column_stack([run.apart_from(made_up, j) for j in range(robot.joints)])
     used = np.column_stack([run.away_from(j, DEAD_ZONE) for j in range(robot.joints)])
     return replace(run, whole=whole, used=whole & used)
-
-
-def _step(values: Array) -> Array:
-    """The smallest difference (n,) of two samples (N, n) in a row, rounding apart; 0 for none."""
-    steps = np.abs(np.diff(values, axis=0))
-    least = np.min(steps, axis=0, where=steps > ROUNDING * np.ptp(values, axis=0), initial=np.inf)
-    return np.where(np.isfinite(least), least, 0.0)
 
 
 def _between(stamps: Array, time: Array, longest: float) -> NDArray[np.bool_]:

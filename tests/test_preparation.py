@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis import preparation
+from diagnosis import mended_log, preparation
 from diagnosis.band import Bands
 from diagnosis.diagnose import diagnose
 from diagnosis.hypothesis import design
@@ -51,7 +51,7 @@ def test_long_logs_are_thinned_and_tell_the_same(tmp_path, monkeypatch):
     logs = simulated_runs(arm, [parse_injection(arm, "cable_spring:elbow:stiffness=3,rest=0.4")], runs=3)
     whole = diagnose(arm, logs)
     seconds = sum(len(each.time) for each in logs.values()) / RATE
-    monkeypatch.setattr(preparation, "MOST_LOGGED", 250 * seconds * arm.joints)
+    monkeypatch.setattr(mended_log, "MOST_LOGGED", 250 * seconds * arm.joints)
     monkeypatch.setattr(preparation, "MOST_KEPT", 30 * seconds * arm.joints)
     short = diagnose(arm, logs)
     assert short.prepared.runs[0].logged.sample_rate == 250.0
