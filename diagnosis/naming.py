@@ -48,8 +48,9 @@ AT_LAST, GAIN_AT_LAST = 9.0, 16.0
 # Joints that move alike share what bristles leave: a drive that two share moves one of them by this share of
 # its torque.
 LEAST_COUPLED = 0.025
-# A push alone takes this share of the gap, where that is so many times the noise: real ones three quarters.
-OF_A_PUSH, BEYOND_NOISE = 0.55, 1.3
+# A push alone takes this share of the gap, or of some joint's that is so many times the noise: real ones
+# three quarters, or all of a joint's.
+OF_A_PUSH, OF_ITS_JOINT, BEYOND_NOISE = 0.55, 0.8, 1.3
 # Effects without a name that take this share of a joint's torque, and of its gap, off runs left out are no
 # healthy robot's imperfections, of which 140 took 5 % at most.
 CLOSED_TORQUE, CLOSED_SHARE = 0.08, 0.5
@@ -245,12 +246,14 @@ def pushes_that_hold(
 ) -> tuple[tuple[Accepted, ...], tuple[Unclaimed, ...]]:
     """What was taken in, without the names of pushes where no other has one and half of the gap is left.
 
-    And their joints: what acts in bursts there is not the surroundings. gap: on whole runs left out.
+    And some of every joint's. And their joints: what acts in bursts there is not the surroundings. gap: on whole
+    runs left out.
     """
     named = [item for item in accepted if item.named]
-    is_far = gap.parameters.sum() > BEYOND_NOISE * gap.noise_floor.sum()
-    is_little = gap.closed is not None and gap.closed < OF_A_PUSH and is_far
-    if not named or not is_little or not all(item.candidate.is_event for item in named):
+    is_far = gap.parameters > BEYOND_NOISE * gap.noise_floor
+    closed = np.array([gap.closed_at(joint) or 0.0 for joint in range(len(is_far))])
+    holds = gap.closed is None or gap.closed > OF_A_PUSH or np.any(closed[is_far] > OF_ITS_JOINT)
+    if not named or holds or not all(item.candidate.is_event for item in named):
         return tuple(accepted), ()
     joints = {item.candidate.family.joint for item in named}
     left = np.minimum(gap.effects / np.maximum(gap.parameters, 1e-300), 1.0) ** 2

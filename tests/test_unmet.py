@@ -257,13 +257,19 @@ def test_a_name_that_leaves_the_gap_as_it_was_does_not_hold(
 
 
 @pytest.mark.parametrize(
-    ("after", "floor", "beside", "holds"),
-    [(6.0, 1.0, False, False), (3.0, 1.0, False, True), (6.0, 1.0, True, True), (9.0, 8.0, False, True)],
+    ("after", "elsewhere", "beside", "holds"),
+    [
+        (6.0, 0.0, False, False),
+        (3.0, 0.0, False, True),
+        (6.0, 0.0, True, True),
+        # All of its joint's is a push, whatever is left elsewhere.
+        (1.5, 30.0, False, True),
+    ],
 )
-def test_a_push_that_leaves_half_of_the_gap_is_none(prepared, after, floor, beside, holds):
+def test_a_push_that_leaves_half_of_the_gap_is_none(prepared, after, elsewhere, beside, holds):
     cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
     push = _accepted(replace(cable, family=replace(cable.family, effect="external_contact")))
-    gap = Gap(*(np.array([0.0, each]) for each in (12.0, 10.0, after, floor)))
+    gap = Gap(*(np.array([0.9 * elsewhere * (each > 1), each]) for each in (12.0, 10.0, after, 1.0)))
     found, bursts = pushes_that_hold([push, replace(_accepted(cable), named=beside)], gap)
     assert found[0].named == holds
     assert [each.joint for each in bursts] == ([] if holds else [1])
