@@ -246,8 +246,8 @@ def pushes_that_hold(
 ) -> tuple[tuple[Accepted, ...], tuple[Unclaimed, ...]]:
     """What was taken in, without the names of pushes where no other has one and half of the gap is left.
 
-    And some of every joint's. And their joints: what acts in bursts there is not the surroundings. gap: on whole
-    runs left out.
+    And some of every joint's; and their joints, as what acts in bursts there is not the surroundings. gap: on
+    whole runs left out.
     """
     named = [item for item in accepted if item.named]
     is_far = gap.parameters > BEYOND_NOISE * gap.noise_floor
