@@ -50,6 +50,8 @@ from .weighing import Stage
 Array = NDArray[np.float64]
 
 MOST_EFFECTS, MOST_TERMS = 8, 16
+# What moves the loads of several joints, as a zero that lies elsewhere does.
+LIKE_ZEROS = ("base_tilt", "payload")
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
 
@@ -91,16 +93,18 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
         grown = _grown(begun, limits, sought)
         if isinstance(grown, NearRest):
             known = grown
-        elif begun.zeros.any() and not grown.takes_in(OFFSET, int(np.argmax(np.abs(begun.zeros)))):
+        elif grown is None or (begun.zeros.any() and not grown.takes_in(*_zero_of(begun))):
             seeks_zero = False
         else:
             return grown
 
 
-def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) -> Attribution | NearRest:
+def _grown(
+    prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought
+) -> Attribution | NearRest | None:
     """The hypothesis grown on these runs; or what more is known of friction near rest.
 
-    limits: of ``cuts``.
+    None where the zero that parameters were taken beside is a tilt or a payload. limits: of ``cuts``.
     """
     sought.along(prepared)
     original = Stage.of(ground(prepared), [])
@@ -116,6 +120,8 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
     # What an effect of the whole robot explains at a joint has nothing to do with the joint's own.
     stage = apart = original
     weighed = search.open(stage, proposals)
+    if prepared.zeros.any() and _is_of_another(prepared, weighed):
+        return None
     accepted: list[Accepted] = []
     # Beside what was taken in after it, a push is seen more clearly.
     resought = False
@@ -181,6 +187,21 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
     unknown = (*misfits, *imitated, *unmet)
     accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
+
+
+def _zero_of(prepared: Prepared) -> tuple[str, int]:
+    """The effect, and the joint, of the zero that parameters are taken beside."""
+    return OFFSET, int(np.argmax(np.abs(prepared.zeros)))
+
+
+def _is_of_another(prepared: Prepared, weighed: Sequence[Weighed]) -> bool:
+    """Whether a tilt or a payload gains more than the zero of these parameters. weighed: best first.
+
+    Either moves the loads of several joints as a zero does.
+    """
+    places = [w.candidate.place[:2] for w in weighed]
+    ahead = places[: places.index(_zero_of(prepared))] if _zero_of(prepared) in places else places
+    return any(name in LIKE_ZEROS for name, _ in ahead)
 
 
 def _other_banks(base: Ground, motions: Sequence[Candidate]) -> tuple[Bank, Bank, Bank]:
