@@ -26,7 +26,7 @@ from .hypothesis import DELAY, Design
 from .imperfections import of_one_joint
 from .likeliest_shapes import at_likeliest_shapes
 from .likelihood import Weighed, gained, weigh
-from .linearisation import RELINEARISED, first_linearised
+from .linearisation import RELINEARISED, TRANSMISSIONS, first_linearised
 from .materiality import is_material
 from .naming import (
     accepted_as,
@@ -50,8 +50,8 @@ from .weighing import Stage
 Array = NDArray[np.float64]
 
 MOST_EFFECTS, MOST_TERMS = 8, 16
-# What moves the loads of several joints, as a zero that lies elsewhere does.
-LIKE_ZEROS = ("base_tilt", "payload")
+# What moves the loads of several joints, or a joint against its encoder, as a zero that lies elsewhere does.
+LIKE_ZEROS = ("base_tilt", "payload", *TRANSMISSIONS)
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
 
@@ -104,7 +104,7 @@ def _grown(
 ) -> Attribution | NearRest | None:
     """The hypothesis grown on these runs; or what more is known of friction near rest.
 
-    None where the zero that parameters were taken beside is a tilt or a payload. limits: of ``cuts``.
+    None where the zero that parameters were taken beside is a tilt's or the like. limits: of ``cuts``.
     """
     sought.along(prepared)
     original = Stage.of(ground(prepared), [])
@@ -195,10 +195,7 @@ def _zero_of(prepared: Prepared) -> tuple[str, int]:
 
 
 def _is_of_another(prepared: Prepared, weighed: Sequence[Weighed]) -> bool:
-    """Whether a tilt or a payload gains more than the zero of these parameters. weighed: best first.
-
-    Either moves the loads of several joints as a zero does.
-    """
+    """Whether what looks like a zero gains more than the one of these parameters. weighed: best first."""
     places = [w.candidate.place[:2] for w in weighed]
     ahead = places[: places.index(_zero_of(prepared))] if _zero_of(prepared) in places else places
     return any(name in LIKE_ZEROS for name, _ in ahead)
