@@ -26,7 +26,7 @@ from .hypothesis import DELAY, Design
 from .imperfections import of_one_joint
 from .likeliest_shapes import at_likeliest_shapes
 from .likelihood import Weighed, gained, weigh
-from .linearisation import RELINEARISED, TRANSMISSIONS, first_linearised
+from .linearisation import PAYLOAD, RELINEARISED, TRANSMISSIONS, first_linearised
 from .materiality import is_material
 from .naming import (
     accepted_as,
@@ -51,7 +51,7 @@ Array = NDArray[np.float64]
 
 MOST_EFFECTS, MOST_TERMS = 8, 16
 # What moves the loads of several joints, or a joint against its encoder, as a zero that lies elsewhere does.
-LIKE_ZEROS = ("base_tilt", "payload", *TRANSMISSIONS)
+LIKE_ZEROS = ("base_tilt", PAYLOAD, *TRANSMISSIONS)
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
 

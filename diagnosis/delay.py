@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from testbench.effects import effect
-from testbench.torque_lag import IN_TIME, TorqueLag, derivatives
+from testbench.torque_lag import IN_TIME, TorqueLag, with_derivatives
 
 from .bounded import solve
 from .evidence import Fit, normal_of
@@ -58,9 +58,8 @@ def likeliest_lateness(hypothesis: Design, fitted: Fit, surely: float) -> Torque
     most = shifted.fit(-late)[0]
     if most < max(shifted.fit(delay)[0] for delay in DELAYS.tolist()) + surely:
         return IN_TIME
-    passed = [shifted.likeliest_low_pass(order) for order in ORDERS]
-    through = max(passed, key=lambda lag: shifted.through(lag)[0])
-    is_passed = shifted.through(through)[0] > most + PASSED * float(hypothesis.independent.sum())
+    through, likelihood = max(map(shifted.likeliest_low_pass, ORDERS), key=lambda found: found[1])
+    is_passed = likelihood > most + PASSED * float(hypothesis.independent.sum())
     return through if is_passed else TorqueLag(delay=late)
 
 
@@ -96,8 +95,8 @@ class _Shifted:
             parts.append([(1 - share, *one), (share, *other)])
         return self._fit(parts)
 
-    def likeliest_low_pass(self, order: int) -> TorqueLag:
-        """The likeliest of those low-passes of an order that are tried, and nearer yet."""
+    def likeliest_low_pass(self, order: int) -> tuple[TorqueLag, float]:
+        """The low-pass of an order that is likeliest near those that are tried; its log-likelihood."""
         gains = [self.through(TorqueLag(0.0, order, constant))[0] for constant in CONSTANTS.tolist()]
         nearest = float(CONSTANTS[np.argmax(gains)])
         found = minimize_scalar(
@@ -106,7 +105,7 @@ class _Shifted:
             method="bounded",
             options={"xatol": TOLERANCE},
         )
-        return TorqueLag(0.0, order, float(found.x))
+        return TorqueLag(0.0, order, float(found.x)), -float(found.fun)
 
     def through(self, lag: TorqueLag) -> tuple[float, Array]:
         """Log-likelihood up to a constant, and the unknowns (p,), if the torque has passed a low-pass."""
@@ -122,7 +121,7 @@ class _Shifted:
         """The first two derivatives of each run's torque, filtered (M, n), and X' of each, (n, p)."""
         found = []
         for run, each in enumerate(self.base.prepared.runs):
-            raw = derivatives(each.logged.tau, each.logged.sample_rate)
+            _, *raw = with_derivatives(each.logged.tau, each.logged.sample_rate)
             filtered = [each.filtered(of, range(self.base.joints)) for of in raw]
             found.append([(moved, self._products(run, moved)) for moved in filtered])
         return found

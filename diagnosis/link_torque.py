@@ -18,10 +18,9 @@ class LinkTorque:
     """Torque and motion of all runs, thinned. Friction, rotor and offset of each joint are projected out."""
 
     def __init__(self, prepared: Prepared):
-        every = -(-sum(len(run.time) for run in prepared.runs) // MOST)
-        self.torque, self.q, self.dq, self.ddq, used = (
-            np.concatenate([getattr(run, name)[::every] for run in prepared.runs])
-            for name in ("torque", "q", "dq", "ddq", "used")
+        every = prepared.evenly(MOST)
+        self.torque, self.q, self.dq, self.ddq, used = prepared.thinned(
+            every, "torque", "q", "dq", "ddq", "used"
         )
         self.chain = prepared.robot.chain.without_springs()
         self.links = without_friction(prepared.nominal)

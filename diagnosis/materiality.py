@@ -17,6 +17,7 @@ from .healthy import (
     BENDING,
     ELASTIC,
     OF_THE_LOAD,
+    OFFSET,
     RIPPLE,
     SPRING,
     is_beyond_healthy,
@@ -76,7 +77,7 @@ OF_THE_JOINT = (
     "backlash",
     "actuator_lag",
 )
-OF_ENCODER = ("encoder_offset", "encoder_eccentricity")
+OF_ENCODER = (OFFSET, "encoder_eccentricity")
 OBVIOUS: Mapping[str, tuple[tuple[float, float], ...]] = {
     **dict.fromkeys(OF_THE_JOINT, ((0.04, 0.5), (0.025, 0.8))),
     # Teeth of a wrist's small gears may make as much of its torque.

@@ -22,6 +22,7 @@ from testbench.runs import by_path
 from testbench.sampling import motion, on_grid
 from testbench.simulation import Reference
 from testbench.simulation.controller import feedforward
+from testbench.torque_lag import TorqueLag
 
 from .correction import Corrected, Term, read_correction
 from .preparation import filter_cutoff
@@ -101,14 +102,15 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     replaced by what the models say.
     """
     logged = logged_motion(model, recording)
+    rate = logged.sample_rate
     given = replace(logged, coulomb_smoothing=np.full(logged.joints, AT_REST), coulomb_lead=0.0)
     nominal = replace(given, parameters=model.nominal).predicted
     parameters, corrected = (replace(logged, parameters=p).predicted for p in (model.parameters, model.final))
-    corrected = _shifted(corrected, model.final_timing * logged.sample_rate)
+    corrected = TorqueLag(model.final_timing).put_on(corrected, rate)
     for torque in _term_torques(model.terms, logged):
         corrected += torque
-    parameters = _shifted(parameters, model.parameters_timing * logged.sample_rate)
-    as_logged = (model.lag.put_on(torque, logged.sample_rate) for torque in (parameters, corrected))
+    parameters = TorqueLag(model.parameters_timing).put_on(parameters, rate)
+    as_logged = (model.lag.put_on(torque, rate) for torque in (parameters, corrected))
     torques = (nominal, *as_logged)
     # A log whose time stamps stray was resampled.
     return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
@@ -192,12 +194,6 @@ def _command(model: Corrected, recording: Recording, dq: Array) -> Array | None:
         reference = Reference(position, velocity, acceleration)
         command = command + feedforward(model.chain, model.nominal, reference, smoothing)
     return np.clip(command, -model.limits.torque, model.limits.torque)
-
-
-def _shifted(torque: Array, samples: float) -> Array:
-    """The torque that many samples later, (N, n); held at the ends."""
-    instants = np.arange(len(torque), dtype=np.float64)
-    return np.column_stack([np.interp(instants - samples, instants, column) for column in torque.T])
 
 
 def _at(time: Array, grid: Array, torque: Array) -> Array:

@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,6 +149,14 @@ class Prepared:
     def position_step(self) -> Array:
         """(n,) rad (m), in which the coarsest log counts."""
         return np.max([run.position_step for run in self.runs], axis=0)
+
+    def evenly(self, most: int) -> int:
+        """One in how many of the runs' samples makes so many at most, evenly spread over all."""
+        return -(-sum(len(run.time) for run in self.runs) // most)
+
+    def thinned(self, every: int, *names: str) -> list[Any]:
+        """One in so many samples of some of the runs' arrays, one run after the other."""
+        return [np.concatenate([getattr(run, name)[::every] for run in self.runs]) for name in names]
 
     @property
     def nominal(self) -> Array:

@@ -64,18 +64,14 @@ class _Counted:
     def __init__(self, hypothesis: Design, fitted: Fit):
         prepared, base = hypothesis.prepared, ground(hypothesis.prepared)
         self.hypothesis, self.chain = hypothesis, prepared.robot.chain.without_springs()
-        self.every = -(-sum(len(run.time) for run in prepared.runs) // MOST)
-        self.q, self.dq, self.ddq, self.used = (
-            np.concatenate([getattr(run, name)[:: self.every] for run in prepared.runs])
-            for name in ("q", "dq", "ddq", "used")
-        )
-        self.gap = np.concatenate([gap[:: self.every] for gap in base.gap])
+        every = prepared.evenly(MOST)
+        self.q, self.dq, self.ddq, self.used = prepared.thinned(every, "q", "dq", "ddq", "used")
+        self.gap = np.concatenate([gap[::every] for gap in base.gap])
         self.columns = [
-            np.concatenate([run[joint][:: self.every] for run in base.columns])
-            for joint in range(base.joints)
+            np.concatenate([run[joint][::every] for run in base.columns]) for joint in range(base.joints)
         ]
         self.rows = self._rows(self.q)
-        self.loading, self.weights = base.loading, self.every * fitted.weights
+        self.loading, self.weights = base.loading, every * fitted.weights
         self.prior = np.diag(scaled_precision(hypothesis, fitted.prior_scales))
 
     def fit(self, joint: int, offset: float) -> tuple[float, Array]:

@@ -122,8 +122,7 @@ def _is_driven(torque: Array, links: Array, dq: Array, ddq: Array) -> Mask:
     driven = np.zeros(torque.shape[1], bool)
     for joint in np.flatnonzero(_rms(dq) > MOVING).tolist():
         speed, own = dq[:, joint], torque[:, joint]
-        x = np.column_stack([links[:, joint], ddq[:, joint], np.ones(len(own)), speed, np.sign(speed)])
-        x /= np.maximum(_rms(x), np.finfo(float).tiny)
+        x = _regressor(links[:, joint], speed, ddq[:, joint])
         values, without = (np.linalg.lstsq(part, own, rcond=None)[0] for part in (x, x[:, :-2]))
         friction = x[:, -2:] @ values[-2:]
         goes_with = friction @ speed < DRIVING * np.linalg.norm(friction) * np.linalg.norm(speed)
@@ -131,6 +130,12 @@ def _is_driven(torque: Array, links: Array, dq: Array, ddq: Array) -> Mask:
         explains = np.var(own - x @ values) < FRICTION_LEAVES * np.var(own - x[:, :-2] @ without)
         driven[joint] = goes_with and is_much and explains
     return driven
+
+
+def _regressor(model: Array, speed: Array, acceleration: Array) -> Array:
+    """What a joint's torque may be made of, (M, 5): the model's, rotor, offset and friction, the last two."""
+    x = np.column_stack([model, acceleration, np.ones(len(model)), speed, np.sign(speed)])
+    return np.asarray(x / np.maximum(_rms(x), np.finfo(float).tiny))
 
 
 def _check_order(torque: Array, model: Array, dq: Array, ddq: Array, chain: Chain, source: object) -> None:
@@ -141,9 +146,7 @@ def _check_order(torque: Array, model: Array, dq: Array, ddq: Array, chain: Chai
     """
     left, varied = np.ones((chain.joints, chain.joints)), np.var(torque, axis=0).clip(np.finfo(float).tiny)
     for joint in np.flatnonzero(_rms(dq) > MOVING).tolist():
-        speed = dq[:, joint]
-        x = np.column_stack([model[:, joint], speed, np.sign(speed), ddq[:, joint], np.ones(len(dq))])
-        x /= np.maximum(_rms(x), np.finfo(float).tiny)
+        x = _regressor(model[:, joint], dq[:, joint], ddq[:, joint])
         unexplained = torque - x @ np.linalg.lstsq(x, torque, rcond=None)[0]
         left[:, joint] = np.var(unexplained, axis=0) / varied
     joints, follow = linear_sum_assignment(left)

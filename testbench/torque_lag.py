@@ -47,8 +47,7 @@ class TorqueLag:
         It ends so much earlier as its torque was delayed, as what acted then is not in it.
         """
         if self.order:
-            first, second = derivatives(recording.torque, recording.sample_rate)
-            smooth = _smooth(recording.torque, recording.sample_rate)
+            smooth, first, second = with_derivatives(recording.torque, recording.sample_rate)
             acted = smooth + self.weights[0] * first + self.weights[1] * second
             recording = replace(recording, torque=acted)
         if self.delay == 0:
@@ -73,11 +72,8 @@ class TorqueLag:
 IN_TIME = TorqueLag()
 
 
-def derivatives(torque: Array, sample_rate: float) -> tuple[Array, Array]:
-    """The first two time derivatives of torque (N, n), of what is slow enough to be given back."""
-    first = central_difference(_smooth(torque, sample_rate), sample_rate)
-    return first, central_difference(first, sample_rate)
-
-
-def _smooth(torque: Array, sample_rate: float) -> Array:
-    return zero_phase_lowpass(torque, sample_rate, min(GIVEN_BACK, OF_RATE * sample_rate))
+def with_derivatives(torque: Array, sample_rate: float) -> tuple[Array, Array, Array]:
+    """What of torque (N, n) is slow enough to be given back, and its first two time derivatives."""
+    smooth = zero_phase_lowpass(torque, sample_rate, min(GIVEN_BACK, OF_RATE * sample_rate))
+    first = central_difference(smooth, sample_rate)
+    return smooth, first, central_difference(first, sample_rate)

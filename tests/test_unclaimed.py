@@ -187,5 +187,4 @@ def test_what_a_cable_as_every_robot_has_explains_as_well_is_not_unknown(arm, st
     open_ = weigh(stage, Bank(stage.ground, candidates(prepared, only=["cable_spring"])))
     (own,) = (each for each in open_ if each.candidate.family.joint == 1)
     found = [Unclaimed(1, regime, float(stage.shares(own.gain)[1]))]
-    print(stage.torque_shares(own.gain), own.gain.wald)
     assert without_imperfections(arm, stage, stage, found, open_) == (found if kept else [])

@@ -81,8 +81,12 @@ class Logged:
 
         With what is known to act behind them.
         """
-        rigid = inverse_dynamics(self.chain, self._links, self.q, self.dq, self.ddq)
-        return rigid if self.carried is None else rigid + self.carried
+        return self._rigid if self.carried is None else self._rigid + self.carried
+
+    @cached_property
+    def _rigid(self) -> Array:
+        """Links and springs alone, (N, n) N·m."""
+        return inverse_dynamics(self.chain, self._links, self.q, self.dq, self.ddq)
 
     @cached_property
     def direction(self) -> Array:
@@ -150,11 +154,7 @@ class Logged:
     def load_elsewhere(self, joint: int, by: float) -> Array:
         """Change of ``load``, (N, n) N·m, where link coordinate ``joint`` is by so much more, rad: exact."""
         q = self.q + by * np.eye(self.joints)[joint]
-        # Of many runs at once, each has a thread of its own.
-        here, there = (
-            inverse_dynamics(self.chain, self._links, at, self.dq, self.ddq, threads=1) for at in (self.q, q)
-        )
-        return there - here
+        return inverse_dynamics(self.chain, self._links, q, self.dq, self.ddq) - self._rigid
 
     @property
     def _links(self) -> Array:
