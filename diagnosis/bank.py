@@ -25,7 +25,7 @@ class Bank:
         self.owner = np.repeat(np.arange(len(counts)), counts)
         folds, n = range(len(ground.folds)), ground.joints
         reach = [[c for c, each in enumerate(proposals) if j in each.member.rows] for j in range(n)]
-        self.reached = [np.flatnonzero(np.isin(self.owner, own)) for own in reach]
+        self.reached = [self._columns_of(own) for own in reach]
         self.joints = [j for j in range(n) if len(self.reached[j])]
         # Columns that reach a joint, of the used rows of a fold: (m, K_j).
         self.z = [
@@ -54,6 +54,12 @@ class Bank:
                 for f in folds:
                     z = self.z[f][j][:, part]
                     self.squares[g][i, f, j] = z.T @ z
+
+    def _columns_of(self, candidates: Sequence[int]) -> NDArray[np.int64]:
+        """The columns of some candidates."""
+        wanted = np.zeros(len(self.candidates), dtype=np.bool_)
+        wanted[candidates] = True
+        return np.flatnonzero(wanted[self.owner])
 
 
 def reached_rows(ground: Ground, candidate: Candidate, fold: int, joint: int) -> Array:

@@ -45,6 +45,8 @@ def diagnose_logs(
     # Simulation and most of a design is outside the interpreter, and looks at nothing of the rest.
     with steps() as progress, ThreadPoolExecutor(1) as aside:
         as_given = aside.submit(gap_as_given, robot, recordings, jobs)
+        # Most of a second to import, of which none is waited for here.
+        aside.submit(import_module, ".report", __package__)
         with progress.step("diagnose"):
             try:
                 diagnosis = diagnose(robot, recordings, without)
@@ -54,8 +56,6 @@ def diagnose_logs(
             not_in_mjcf = write_corrected(diagnosis, out / "corrected.xml")
         with progress.step("closed loop and next experiment"):
             closed = aside.submit(forward_gap, diagnosis, recordings, as_given.result(), jobs)
-            # Most of a second to import, of which none is waited for here.
-            aside.submit(import_module, ".report", __package__)
             experiment = next_experiment(diagnosis, seed)
             from .report import write_report, write_session
 

@@ -220,7 +220,7 @@ def _cable(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     (line,) = lines
     hoses = [found] if hardens else _best_of(robot, stage, family, {HARDENING})
     hose = max([*hoses, *_hardly_hardening(robot, stage, line)], key=lambda each: each.score, default=line)
-    if hose.score <= line.score:
+    if hose.score <= line.score or _told(stage, hose, line) < 0:
         return line
     # Where it rests has several likeliest places.
     members = [each for each in family.members if each.law == HARDENING]
@@ -257,11 +257,16 @@ def _richer(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
 
 def _surely(stage: Stage, other: Weighed, plain: Weighed) -> Weighed:
     """An effect by another law where all runs together surely tell it from the plain one; else that."""
+    return other if _told(stage, other, plain) > SURELY else plain
+
+
+def _told(stage: Stage, other: Weighed, plain: Weighed) -> float:
+    """Log-posterior of all runs together by which another law of an effect is likelier than the plain one."""
     simple, richer = (
         log_posterior(*stage.with_effects([each.candidate])) - price(stage.hypothesis, each.candidate)
         for each in (plain, other)
     )
-    return other if richer - simple > SURELY else plain
+    return richer - simple
 
 
 def _best_of(

@@ -70,13 +70,14 @@ class Stage:
         # What is at a bound moves with no candidate.
         self.whole = Inverse(self.total, at_bounds(fitted.values, fitted.bounds))
         held_back = np.where(self.whole.fixed, self.falls, 0.0)
-        self.apart, self.shift = [], []
+        self.apart, shifts = [], []
         for part, own, values in zip(self.parts, folds_falls, fitted.apart, strict=True):
             apart = Inverse(self.total - part, at_bounds(values, fitted.bounds))
             moved = np.where(apart.fixed, values - fitted.values, 0.0)
             # At the minimum over all folds, the other folds' gradient is minus this fold's own.
             self.apart.append(apart)
-            self.shift.append(moved + apart.times(held_back - own - (self.total - part) @ moved))
+            shifts.append(moved + apart.times(held_back - own - (self.total - part) @ moved))
+        self.shift = np.array(shifts)
         self.held_squares: Array = np.sum([[np.sum(part**2) for part in fold] for fold in self.held], axis=0)
         self.counts, self.independent = hypothesis.counts, hypothesis.independent
         self._weighed: WeakKeyDictionary[Bank, list[Gain | None]] = WeakKeyDictionary()
@@ -155,7 +156,9 @@ class Stage:
         sums = self._sums(bank)
         total_cross, total_right = sums.cross.sum(axis=0), sums.right.sum(axis=0)
         through = self.whole.times(total_cross.T)
-        through_apart = [a.times((total_cross - c).T) for a, c in zip(self.apart, sums.cross, strict=True)]
+        rest_cross = total_cross - sums.cross
+        through_apart = np.stack([a.times(c.T) for a, c in zip(self.apart, rest_cross, strict=True)])
+        wanted = total_right - sums.right - (rest_cross @ self.shift[:, :, None])[:, :, 0]
         coefficients, apart = np.zeros(len(bank.owner)), np.zeros(sums.right.shape)
         own_held = np.zeros((len(bank.candidates), self.prepared.joints))
         solved: dict[int, tuple[float, float, Array]] = {}
@@ -184,16 +187,18 @@ class Stage:
             solved.update(
                 zip(members.tolist(), zip(objective, 1 - remaining[:, 0], schur, strict=True), strict=True)
             )
-            for f, through_rest in enumerate(through_apart):
-                rest, rest_cross = own - by_fold[:, f], total_cross - sums.cross[f]
-                part = rest - _products(rest_cross, through_rest, at)
-                wanted = (total_right - sums.right[f] - rest_cross @ self.shift[f])[at]
-                c = minimisers(part + ridge, wanted, size, *bounds)
-                # A coefficient that the other folds do not reach cannot be predicted from them.
-                unreached = np.any(np.einsum("caa->ca", rest) <= 1e-9 * size, axis=1)
-                c[unreached & ~free] = 0.0
-                apart[f, at] = c
-                own_held[members] -= np.einsum("ca,cjab,cb->cj", c, own_squares[:, f], c)
+            # Without each fold in turn, all of them at once.
+            rest = own - by_fold.transpose(1, 0, 2, 3)
+            part = rest - _products(rest_cross, through_apart, at) + ridge
+            repeated = (np.tile(each, (len(part), 1)) for each in (size, *bounds))
+            c = minimisers(part.reshape(-1, k, k), wanted[:, at].reshape(-1, k), *repeated)
+            c = c.reshape(len(part), -1, k)
+            # A coefficient that the other folds do not reach cannot be predicted from them.
+            unreached = np.any(np.einsum("fcaa->fca", rest) <= 1e-9 * size, axis=2)
+            c[unreached & ~free] = 0.0
+            apart[:, at] = c
+            for f, left_out in enumerate(c):
+                own_held[members] -= np.einsum("ca,cjab,cb->cj", left_out, own_squares[:, f], left_out)
         held_out = own_held + self._held_out_by_moving(bank, sums, through_apart, apart)
         values = np.repeat(self.fitted.values[:, None], len(bank.candidates), axis=1)
         np.add.at(values.T, bank.owner, -(through * coefficients).T)
@@ -234,9 +239,7 @@ class Stage:
         live = np.all((size > 0) | held | event[:, None], axis=1) & np.any(size > 0, axis=1)
         return live, np.where(size == 0, 1.0, size)
 
-    def _held_out_by_moving(
-        self, bank: Bank, sums: "_Sums", through_apart: Sequence[Array], apart: Array
-    ) -> Array:
+    def _held_out_by_moving(self, bank: Bank, sums: "_Sums", through_apart: Array, apart: Array) -> Array:
         """Drop of the held-out squares (C, n) but for each candidate's own: the parameters move with it."""
         count = len(bank.candidates)
         drop = np.zeros((count, self.prepared.joints))
@@ -268,5 +271,6 @@ class _Sums:
 
 
 def _products(cross: Array, through: Array, at: NDArray[np.int64]) -> Array:
-    """cross[at] @ through[:, at] for each candidate's columns: (C, k, k)."""
-    return np.einsum("cap,cpb->cab", cross[at], through.T[at].transpose(0, 2, 1), optimize=True)
+    """cross[at] @ through[:, at] for each candidate's columns: (..., C, k, k)."""
+    reached = np.swapaxes(through, -1, -2)[..., at, :]
+    return cross[..., at, :] @ np.swapaxes(reached, -1, -2)

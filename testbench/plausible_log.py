@@ -34,6 +34,9 @@ OPPOSED = 0.5
 # So it is where what goes with speed drives the joint instead: their correlation, that part's share of the
 # torque, RMS, and of the variance without it that it leaves at most.
 DRIVING, SHARE_OF_FRICTION, FRICTION_LEAVES = -0.7, 0.4, 0.35
+# Torque has lost its sign where it is never below zero, though the model's is on either side of it in this
+# share of the samples.
+EITHER_SIDE = 0.1
 # Torque is another joint's where its own motion leaves more than this share of its variance, and so many
 # times what the other's leaves; of joints that move by so many rad/s (m/s), RMS.
 OWN_LEAVES, TIMES_OTHERS, MOVING = 0.15, 5.0, 0.02
@@ -75,7 +78,7 @@ def check_motion(recording: Recording, chain: Chain, limits: Limits, source: obj
 
 
 def check_torque(recording: Recording, chain: Chain, parameters: Array, source: object) -> None:
-    """Raise InputError, naming ``source``, where torques are counted backwards, or are those of other joints.
+    """Raise InputError, naming ``source``, where torques have no sign or the wrong one, or are other joints'.
 
     All but certainly, by what a model has along the motion. parameters: (14 n,) standard ones of the model.
     """
@@ -88,8 +91,23 @@ def check_torque(recording: Recording, chain: Chain, parameters: Array, source: 
     ddq = np.gradient(dq, time, axis=0)
     model = inverse_dynamics(chain, parameters, q, dq, ddq)
     links = inverse_dynamics(chain, without_friction(parameters), q, dq, ddq)
+    _check_signed(recording.torque, torque, model, chain, source)
     _check_sign(torque, model, links, dq, ddq, chain, source)
     _check_order(torque, model, dq, ddq, chain, source)
+
+
+def _check_signed(logged: Array, torque: Array, model: Array, chain: Chain, source: object) -> None:
+    """Raise InputError where torques are the model's but for a sign that none of them has.
+
+    logged: (N, n). torque, model: (M, n) means.
+    """
+    below = np.mean(model < 0, axis=0)
+    never_below = (logged.min(axis=0) >= 0) & (np.minimum(below, 1 - below) > EITHER_SIDE)
+    unsigned = never_below & (_rms(torque - np.abs(model)) < OPPOSED * _rms(torque - model))
+    if np.any(unsigned):
+        names = ", ".join(chain.joint_names[joint] for joint in np.flatnonzero(unsigned))
+        got = f"none below zero at {names}, where the model's are"
+        raise InputError(source, "joint/torque", "torques with their sign", got)
 
 
 def _check_sign(

@@ -124,6 +124,11 @@ def test_torque_counted_backwards_is_told_with_its_joints(robot, healthy, joints
         _check_torque(robot, replace(healthy, torque=healthy.torque * sign))
 
 
+def test_torque_without_its_sign_is_told_with_its_joints(robot, healthy):
+    with pytest.raises(InputError, match="none below zero at turn"):
+        _check_torque(robot, replace(healthy, torque=np.abs(healthy.torque)))
+
+
 def test_positions_counted_backwards_are_told(robot, healthy):
     with pytest.raises(InputError, match="got the opposite at turn$"):
         _check_torque(robot, replace(healthy, position=healthy.position * [-1, 1, 1]))

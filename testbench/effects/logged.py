@@ -176,8 +176,8 @@ class Logged:
             values = self._load_derivatives_at(joint, grid)
             if step > 1 and len(grid) > 3:
                 values = make_interp_spline(grid, values)(np.arange(self.samples))
-            n = self.joints
-            self._derivatives[joint] = values[:, :n], values[:, n : 2 * n], values[:, 2 * n :]
+            by_q, by_dq, by_ddq = (np.ascontiguousarray(part) for part in np.split(values, 3, axis=1))
+            self._derivatives[joint] = by_q, by_dq, by_ddq
         return self._derivatives[joint]
 
     def _load_derivatives_at(self, joint: int, samples: NDArray[np.int64]) -> Array:

@@ -9,6 +9,8 @@ import pytest
 from diagnosis.discrimination import next_experiment
 from diagnosis.experiments import why
 from diagnosis.findings import Diagnosis
+from diagnosis.rivals import still_open
+from diagnosis.separation import Separation
 from testbench.excitation_file import read_trajectory, write_excitation
 from testbench.log import Recording
 from testbench.robot import Robot
@@ -78,6 +80,18 @@ def test_a_motion_of_another_length_than_the_logs_is_judged(
     )
     assert found is not None
     assert "ripple" in found.why
+
+
+def test_a_fast_run_is_judged_by_few_of_its_samples(
+    answer: Diagnosis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    open_, run = still_open(answer), answer.prepared.runs[0].logged
+    assert open_ is not None
+    judge = Separation(answer, open_)
+    few = judge.of_run(run)
+    monkeypatch.setattr("diagnosis.separation.SAMPLE_RATE", run.sample_rate)
+    # The rows that are kept are a little denser at one rate than at the other.
+    np.testing.assert_allclose(np.sqrt(few), np.sqrt(judge.of_run(run)), rtol=0.12)
 
 
 def test_a_motion_that_settles_one_answer_only_says_which() -> None:
