@@ -80,7 +80,7 @@ def _asked(run: Logged, joint: int) -> Array:
     """What was asked for in the torque's direction, (N,) N·m, at the least around each sample's time."""
     assert run.torque_command is not None
     command = np.sign(run.tau[:, joint]) * run.torque_command[:, joint]
-    return minimum_filter1d(command, 2 * int(SKEW * run.sample_rate) + 1)
+    return minimum_filter1d(command, 2 * int(np.ceil(SKEW * run.sample_rate)) + 1)
 
 
 def _noise(torque: Sequence[Array]) -> float:

@@ -79,6 +79,6 @@ def require_cutoff(cutoff: float, sample_rate: float, samples: int) -> None:
         raise InputError(
             "log",
             "time",
-            f"at least {needed} samples for a {cutoff:g} Hz filter at {sample_rate:g} Hz",
-            f"{samples} samples",
+            f"at least {needed / sample_rate:.3g} s for a {cutoff:g} Hz filter",
+            f"{samples / sample_rate:.3g} s",
         )

@@ -350,7 +350,7 @@ BAD_LOGS = [
     (degrees, ["bad.h5: joint/position", "deg"]),
     (stands_still, ["bad.h5: motion", "dead zone", "got 0"]),
     (one_joint_moves, ["bad.h5: motion", "nothing that reveals", "elbow"]),
-    (few_samples, ["bad.h5: time", "at least 200 samples", "got 60 samples"]),
+    (few_samples, ["bad.h5: time", "at least 0.2 s", "got 0.06 s"]),
 ]
 
 

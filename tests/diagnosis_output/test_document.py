@@ -84,9 +84,9 @@ def test_a_log_that_is_too_short_is_named_by_its_path(robot: Robot, folder: Path
     names = ("time", *(channel for _, channel, _, _ in CHANNELS))
     short = {name: None if getattr(run, name) is None else getattr(run, name)[end] for name in names}
     write_log(replace(run, **short), tmp_path / "short.h5")
-    with pytest.raises(InputError, match=rf"{tmp_path}/short\.h5: time: expected at least 200 samples"):
+    with pytest.raises(InputError, match=rf"{tmp_path}/short\.h5: time: expected at least 0\.2 s"):
         diagnose_logs(robot.path, [tmp_path / "short.h5"], tmp_path / "d")
-    with pytest.raises(InputError, match=rf"{tmp_path}/short\.h5: time: expected at least 200 samples"):
+    with pytest.raises(InputError, match=rf"{tmp_path}/short\.h5: time: expected at least 0\.2 s"):
         predict(folder, tmp_path / "short.h5", tmp_path / "p.h5")
 
 
