@@ -97,6 +97,17 @@ def test_a_limit_is_one_that_one_run_alone_passes_both_ways_in_quick_turn(arm):
     assert found.candidate.family.joint == 1
 
 
+def test_a_limit_is_one_that_a_single_peak_passes(arm):
+    (healthy,) = simulated_runs(arm, [], runs=1, seed=13).values()
+    size = np.abs(healthy.torque[:, 1])
+    apart = np.abs(healthy.time - healthy.time[size.argmax()]) > 0.5
+    limit = 0.75 * float(size.max()) + 0.25 * float(size[apart].max())
+    injection = parse_injection(arm, f"torque_saturation:elbow:limit={limit}")
+    named = _named(arm, simulated_runs(arm, [injection], runs=1, seed=13))
+    assert [item.candidate.place for item in named] == [("torque_saturation", 1, None)]
+    assert quantities(named[0].candidate, np.ones(1))["limit"].value == pytest.approx(limit, rel=0.03)
+
+
 def test_a_push_is_no_limit(arm):
     text = "external_contact:elbow:torque=6,start=3,duration=0.5"
     named = _named(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3))
