@@ -65,7 +65,8 @@ def check_motion(recording: Recording, chain: Chain, limits: Limits, source: obj
         if broken is not None:
             unit = "m" if is_slide else "rad"
             step = f"a step of {position[broken] - position[broken - 1]:.3g} {unit}"
-            got = f"{step} {_when(recording, broken)} at {name} (are samples missing, or are these two runs?)"
+            asks = "are samples missing, are these two runs, or does its encoder lose counts?"
+            got = f"{step} {_when(recording, broken)} at {name} ({asks})"
             raise InputError(source, "joint/position", "continuous positions", got)
         lower, upper = limits.lower[joint], limits.upper[joint]
         beyond = np.maximum(lower - position, position - upper)
