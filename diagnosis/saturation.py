@@ -39,8 +39,8 @@ REACH_PERIODS = 0.5
 # Of the squared error beyond the limit, the share that clipping must explain, and how much larger what is
 # cut off there is than the error elsewhere, both RMS.
 SMALLEST_SHARE, STANDING_OUT = 0.9, 2.0
-# Once is enough where clipping explains all but this. What one limit cut off of a single peak left 2e-5 to
-# 1e-3 of it, and no limit less than .1 of a push, in 46 cases.
+# Once is enough where clipping explains all but this: single peaks of drives that clip leave a thousandth at
+# most, and pushes a tenth or more.
 ONCE_LEFT = 0.01
 SMALLEST_GAIN = 7.5
 # Seconds without clipping that part one time from the next; a time counts from this share of the largest on,
