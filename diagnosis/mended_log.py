@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 # Hz; logs are not looked at faster, nor long ones than this, lest so many samples of all joints together fill
 # the memory.
-FAST, SLOWEST, MOST_LOGGED = 500.0, 250.0, 2_000_000
+FAST, SLOWEST, MOST_LOGGED = 1000.0, 250.0, 2_000_000
 # Of all that a torque moves; what is less is no step of it.
 ROUNDING = 1e-9
 
