@@ -123,7 +123,7 @@ def test_a_limit_shows_by_a_restless_command_that_was_sampled_apart_from_the_tor
     runs, rng = _delivered(arm, limit, True), np.random.default_rng(3)
     for name, run in runs.items():
         assert run.torque_command is not None
-        leaps = np.where(np.arange(len(run.time)) // 8 % 2, 0.3, -0.3) * limit
+        leaps = np.where(np.arange(len(run.time)) // 4 % 2, 0.3, -0.3) * limit
         command = run.torque_command.copy()
         command[:, 1] += leaps
         torque = np.roll(np.clip(command[:, 1], -limit, limit), 1) + rng.normal(0, 0.01, len(run.time))
