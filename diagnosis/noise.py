@@ -22,9 +22,6 @@ REPEATS = 1e-9
 QUIET, HIGHEST, FEWEST = 1.5, 0.45, 8
 # Hz, the lowest corner of a drive's noise, and how many are tried beside none.
 CORNER, CORNERS = 5.0, 40
-# Noise is white unless a corner is likelier by this log-likelihood, of deviations as Laplace has them: of a
-# few dozen frequencies some corner fits better by chance, and always to more noise in the band.
-COLOURED = 5.0
 # s, and samples at least, of a segment: in most of them no friction turns. And the longest, of a residual.
 SEGMENT, SHORTEST, LONGEST = 0.15, 64, 512
 # From this mean misfit of its logarithm on a density falls as no noise does: the log was low-passed before.
@@ -139,8 +136,6 @@ def _continued(run: Run, joint: int, frequency: Array, density: Array) -> tuple[
         float(np.mean(np.abs(own - shape - level))) for shape, level in zip(shapes, levels, strict=True)
     ]
     best = int(np.argmin(misfit))
-    if misfit[-1] <= misfit[best] * np.exp(COLOURED / len(own)):
-        best = len(corners) - 1
     # What the filter lets pass, on a grid that tells its band.
     length = 1 << int(np.ceil(np.log2(4 * len(taps))))
     passed = np.abs(np.fft.rfft(taps, length)) ** 2
