@@ -13,7 +13,7 @@ from diagnosis.preparation import Prepared, Run, prepare
 from diagnosis.spectrum import slow_share
 from testbench.robot import Robot
 
-from .diagnosed import RATE, measured_only, simulated_runs
+from .diagnosed import measured_only, simulated_runs
 from .small_arm import small_arm
 
 JOINT = 1
@@ -47,8 +47,7 @@ def named(prepared: Prepared, torque: Torque, seed: int = 0) -> str | None:
 
 
 def white(run: Run, rng: np.random.Generator) -> np.ndarray:
-    """Of one density, whatever rate a log is looked at: of unit variance at a kilohertz."""
-    return rng.standard_normal(run.logged.samples) * np.sqrt(run.logged.sample_rate / RATE)
+    return rng.standard_normal(len(run.logged.time))
 
 
 def ripple(run: Run, rng: np.random.Generator) -> np.ndarray:

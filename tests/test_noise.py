@@ -12,7 +12,6 @@ from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.simulation import SensorOptions, SimulationOptions
 
-from .diagnosed import RATE
 from .standing import standing_runs
 
 # Share of each joint's torque limit.
@@ -25,11 +24,9 @@ def _recorded(arm: Robot, **sensors: float) -> dict[str, Recording]:
 
 
 def _passed(prepared: Prepared) -> np.ndarray:
-    """RMS (n,) N·m that white noise of the torque has behind means of samples and the filters."""
-    run = prepared.runs[0]
-    gain = [np.sqrt(np.sum(each.taps**2)) for each in run.filters]
-    of_means = NOISE * prepared.robot.limits.torque * np.sqrt(run.logged.sample_rate / RATE)
-    return of_means * np.array(gain)
+    """RMS (n,) N·m that white noise of the torque has behind the filters."""
+    gain = [np.sqrt(np.sum(each.taps**2)) for each in prepared.runs[0].filters]
+    return NOISE * prepared.robot.limits.torque * np.array(gain)
 
 
 def test_white_noise_of_the_torque_is_the_floor(arm):
