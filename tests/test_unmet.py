@@ -231,7 +231,7 @@ def test_a_shared_drive_moves_one_of_its_joints(arm, coulomb, moved):
     ("after", "elsewhere", "fitted", "floor", "torque", "holds", "unknown"),
     [
         (9.9, 1.0, 5.0, 1.0, 50.0, False, [1]),
-        (5.0, 1.0, 5.0, 1.0, 50.0, True, []),
+        (4.0, 1.0, 4.0, 1.0, 50.0, True, []),
         # Each run tells something else.
         (9.9, 1.0, 2.0, 1.0, 50.0, True, []),
         (9.9, 1.0, 5.0, 4.0, 50.0, True, []),
@@ -239,6 +239,11 @@ def test_a_shared_drive_moves_one_of_its_joints(arm, coulomb, moved):
         (9.0, 9.9, 2.0, 1.0, 50.0, False, [1]),
         # And of the joint's torque this is.
         (9.9, 1.0, 5.0, 1.0, 1000.0, False, []),
+        # Half is closed, and what is left is no noise.
+        (5.0, 1.0, 5.0, 0.9, 50.0, False, [1]),
+        (5.0, 1.0, 2.0, 0.9, 50.0, True, []),
+        (3.0, 1.0, 3.0, 0.3, 50.0, True, []),
+        (5.0, 1.0, 5.0, 0.9, 1000.0, True, []),
     ],
 )
 def test_a_name_that_leaves_the_gap_as_it_was_does_not_hold(
