@@ -92,19 +92,24 @@ def check_torque(recording: Recording, chain: Chain, parameters: Array, source: 
     ddq = np.gradient(dq, time, axis=0)
     model = inverse_dynamics(chain, parameters, q, dq, ddq)
     links = inverse_dynamics(chain, without_friction(parameters), q, dq, ddq)
-    _check_signed(recording.torque, torque, model, chain, source)
+    _check_signed(recording.torque, torque, model, dq, chain, source)
     _check_sign(torque, model, links, dq, ddq, chain, source)
     _check_order(torque, model, dq, ddq, chain, source)
 
 
-def _check_signed(logged: Array, torque: Array, model: Array, chain: Chain, source: object) -> None:
+def _check_signed(
+    logged: Array, torque: Array, model: Array, dq: Array, chain: Chain, source: object
+) -> None:
     """Raise InputError where torques are the model's but for a sign that none of them has.
 
-    logged: (N, n). torque, model: (M, n) means.
+    logged: (N, n). torque, model, dq: (M, n) means; of a joint at rest friction may have either sign.
     """
-    below = np.mean(model < 0, axis=0)
-    never_below = (logged.min(axis=0) >= 0) & (np.minimum(below, 1 - below) > EITHER_SIDE)
-    unsigned = never_below & (_rms(torque - np.abs(model)) < OPPOSED * _rms(torque - model))
+    moves = np.abs(dq) > MOVING
+    below, above = (np.sum(moves & side, axis=0) for side in (model < 0, model > 0))
+    fewest = np.maximum(EITHER_SIDE * np.sum(moves, axis=0), EITHER_SIDE * FEWEST_MEANS)
+    never_below = (logged.min(axis=0) >= 0) & (np.minimum(below, above) > fewest)
+    without, with_sign = (np.where(moves, torque - each, 0.0) for each in (np.abs(model), model))
+    unsigned = never_below & (_rms(without) < OPPOSED * _rms(with_sign))
     if np.any(unsigned):
         names = ", ".join(chain.joint_names[joint] for joint in np.flatnonzero(unsigned))
         got = f"none below zero at {names}, where the model's are"

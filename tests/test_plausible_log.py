@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.errors import InputError
-from identification.parameters import ARMATURE, INERTIAL, PER_JOINT
+from identification.parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT
 from testbench.cli import main
 from testbench.log import Recording, write_log
 from testbench.plausible_log import check_motion, check_torque
@@ -127,6 +127,15 @@ def test_torque_counted_backwards_is_told_with_its_joints(robot, healthy, joints
 def test_torque_without_its_sign_is_told_with_its_joints(robot, healthy):
     with pytest.raises(InputError, match="none below zero at turn"):
         _check_torque(robot, replace(healthy, torque=np.abs(healthy.torque)))
+
+
+def test_a_joint_that_friction_holds_has_not_lost_its_sign(robot, healthy):
+    position, torque = healthy.position.copy(), healthy.torque.copy()
+    rising = 0.05 * (1 - np.cos(np.pi * np.minimum(healthy.time, 1.0)))
+    # One count this way, one that way: the model's friction has either sign.
+    position[:, 0] = rising + 1e-6 * np.random.default_rng(1).integers(0, 2, len(rising))
+    torque[:, 0] = 0.9 * robot.parameters.reshape(-1, PER_JOINT)[0, COULOMB]
+    _check_torque(robot, replace(healthy, position=position, torque=torque))
 
 
 def test_positions_counted_backwards_are_told(robot, healthy):
