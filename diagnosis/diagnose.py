@@ -158,7 +158,7 @@ def _closes_more(found: Attribution) -> bool:
     misfits = [
         (FAR_LESS if item.regime == NOTHING else 1.0) * item.share * before[item.joint] ** 2
         for item in found.unknown
-        if item.regime != NOTHING or not (pushed or item.has_lost_its_name)
+        if item.regime != NOTHING or not (pushed or item.nearest)
     ]
     return max(item.worth for item in named) > max(misfits, default=0.0)
 
@@ -200,10 +200,12 @@ def _probability(found: Attribution, index: int) -> float:
 
 def _ranked(found: Attribution, verdict: str) -> tuple[RankedCandidate, ...]:
     """Everything that was weighed, most probable first."""
-    ranked = []
+    ranked, nearest = [], {(item.nearest, item.joint) for item in found.unknown}
     for index, accepted in enumerate(found.accepted):
         family = accepted.candidate.family
         reason = "fitted, but no more than healthy robots have or a law's rest"
+        if (family.effect, family.joint) in nearest:
+            reason = "fitted, but leaves too much of the gap"
         if accepted.is_everywhere:
             reason = "fitted, but hardly larger than other joints' imperfections"
         if accepted.named:
@@ -242,6 +244,9 @@ def _ranked(found: Attribution, verdict: str) -> tuple[RankedCandidate, ...]:
 
 
 def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
+    if item.nearest is not None:
+        nearest = f"{robot.joint_names[item.joint]} {item.nearest.replace('_', ' ')} comes nearest"
+        return f"{nearest} and leaves {np.sqrt(item.share):.0%} of the gap: no effect of the catalogue explains it"
     if item.regime == NOTHING and item.share < NEXT_TO_NOTHING:
         joint = robot.joint_names[item.joint]
         return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"

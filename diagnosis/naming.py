@@ -42,7 +42,7 @@ EXPLAINED, FAR_FROM_NOISE = 0.2, 3.0
 EXPLAINED_OF_ALL, FARTHER_FROM_NOISE = 0.1, 4.0
 # Nor are those that leave so many times the noise of it, where they close less than this share of what was
 # beyond the noise: of 1000 cases four such names of four were wrong.
-LEFT_FAR_FROM_NOISE, MOSTLY_CLOSED = 4.5, 0.7
+LEFT_FAR_FROM_NOISE, MOSTLY_CLOSED = 4.5, 0.78
 # Of a joint whose name does not hold, what is less than this share of its torque is nothing to explain.
 LEAST_UNMET = 0.01
 # Squared deviations from zero that are left at last, as what is taken in later may explain the same; a gain
@@ -228,13 +228,13 @@ def names_that_hold(
     if gap.parameters.sum() > FARTHER_FROM_NOISE * gap.noise_floor.sum():
         is_as_it_was |= bool(closed.sum() < EXPLAINED_OF_ALL * reducible.sum())
     left = np.minimum(gap.effects / np.maximum(gap.parameters, 1e-300), 1.0) ** 2
-    found, without = [], set[int]()
+    found, without = [], dict[int, str]()
     for item in accepted:
         joint = item.candidate.family.joint
         seems = item.named and item.share > EXPLAINED and not item.candidate.is_event
         if seems and joint is not None and is_as_it_was[joint]:
             item = replace(item, named=False)
-            without.add(joint)
+            without.setdefault(joint, item.candidate.family.effect)
         found.append(item)
     # A push there was found in what such an effect had left.
     is_rest = [item.candidate.is_event and item.candidate.family.joint in without for item in found]
@@ -243,7 +243,7 @@ def names_that_hold(
     )
     unmet = [joint for joint in sorted(without) if gap.effects[joint] > LEAST_UNMET * torque[joint]]
     return kept, tuple(
-        Unclaimed(joint, NOTHING, float(left[joint]), has_lost_its_name=True) for joint in unmet
+        Unclaimed(joint, NOTHING, float(left[joint]), nearest=without[joint]) for joint in unmet
     )
 
 

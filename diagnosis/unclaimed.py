@@ -68,15 +68,15 @@ UNTOLD = "effects that these runs do not tell for sure"
 class Unclaimed:
     """A joint's index, the regime in words, and the share of its gap that follows it.
 
-    frequency: Hz, where most of that shakes at one. has_lost_its_name: whether an effect explains it by all
-    runs, and not on those left out.
+    frequency: Hz, where most of that shakes at one. nearest: the effect that explains most of it by all runs,
+    and whose name does not hold on those left out.
     """
 
     joint: int
     regime: str
     share: float
     frequency: float | None = None
-    has_lost_its_name: bool = False
+    nearest: str | None = None
 
 
 def foretold_shares(stage: Stage, free: Bank) -> Array:
