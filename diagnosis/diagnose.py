@@ -256,7 +256,7 @@ def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
     likely = ": a base that rocks or a link that bends would" if item.regime == RESONANCE else ""
     if item.frequency is not None:
         followed = f"a vibration at {item.frequency:.1f} Hz"
-        likely = ": a floor or a fan that shakes it would"
+        likely = ": a floor or a fan that shakes it would, or a load that swings"
     place = f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {followed}"
     return f"{place}, and no effect of the catalogue explains it{likely}"
 

@@ -32,6 +32,8 @@ CONTACT_DAMPING_RATIO = 0.7
 # Hz, at least, of the steps through the gap: a contact lasts a few milliseconds.
 GAP_RATE = 4000.0
 POSES, UNLIMITED_RANGE = 64, np.pi
+# A spring that carries so many times the load does not hold the link: gravity tips it, or damping drives it.
+HOLDS = 100.0
 # Newton's steps within one of time, from where it would go without a load.
 NEWTON = 4
 
@@ -83,11 +85,14 @@ def elastic_change(row: LinkRow, stiffness: float, damping: float, doubling: flo
     """Change of the torque where the transmission is a spring with a damper, (N, n) N·m.
 
     stiffness: N·m/rad, without a windup. damping: N·m·s/rad. doubling: rad, the windup at which a hardening
-    spring carries twice what it would by that stiffness.
+    spring carries twice what it would by that stiffness. Zero where the spring does not hold the link.
     """
     windup = np.empty((row.run.samples, 3))
     motion = row.load, row.by_position, row.by_velocity, row.inertia
     _elastic(*motion, stiffness, damping, stiffness / doubling**2, 1 / row.run.sample_rate, windup)
+    # Not more than that, and not infinite or undefined.
+    if not stiffness * np.abs(windup[:, 0]).max() <= HOLDS * np.abs(row.load).max():
+        return np.zeros((row.run.samples, row.run.joints))
     return row.run.load_change(row.joint, -windup)
 
 
