@@ -246,7 +246,8 @@ def _ranked(found: Attribution, verdict: str) -> tuple[RankedCandidate, ...]:
 def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
     if item.nearest is not None:
         nearest = f"{robot.joint_names[item.joint]} {item.nearest.replace('_', ' ')} comes nearest"
-        return f"{nearest} and leaves {np.sqrt(item.share):.0%} of the gap: no effect of the catalogue explains it"
+        left = f"leaves {np.sqrt(item.share):.0%} of the gap"
+        return f"{nearest} and {left}: no effect of the catalogue explains it"
     if item.regime == NOTHING and item.share < NEXT_TO_NOTHING:
         joint = robot.joint_names[item.joint]
         return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"

@@ -9,7 +9,6 @@ from its rival j is what no choice of the rival's coefficients and of the base p
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,21 +30,6 @@ from .rivals import Open
 Array = NDArray[np.float64]
 
 SAMPLE_RATE = 200.0
-# What a run has of every sample.
-PER_SAMPLE = (
-    "time",
-    "q",
-    "dq",
-    "ddq",
-    "tau",
-    "temperature",
-    "torque_command",
-    "reference_position",
-    "reference_velocity",
-    "reference_acceleration",
-    "carried",
-    "beside",
-)
 # Columns (N, r, k) and the r joints that they reach.
 Block = tuple[Array, Sequence[int]]
 
@@ -89,7 +73,7 @@ class Separation:
         NaN for a rival without a size, zero for one that the motion leaves without columns. Whatever rate
         a run was logged at, it is judged at that of the motions.
         """
-        logged = _thinned(logged.foretold(), max(int(logged.sample_rate / SAMPLE_RATE), 1))
+        logged = logged.foretold().thinned(max(int(logged.sample_rate / SAMPLE_RATE), 1))
         base = regressor(logged.chain, logged.q, logged.dq, logged.ddq, self.columns)
         blocks: list[Block] = [(base, range(logged.joints))]
         count = len(self.columns)
@@ -130,10 +114,3 @@ class Separation:
             column += columns.shape[2]
         moving = np.abs(logged.dq[kept]) > DEAD_ZONE
         return (out * (np.sqrt(self.weights) * moving)[:, :, None]).reshape(-1, count)
-
-
-def _thinned(run: Logged, every: int) -> Logged:
-    """One in so many samples of a run, whose motion has nothing that the others would tell."""
-    series = {name: getattr(run, name) for name in PER_SAMPLE}
-    kept: dict[str, Any] = {name: w if w is None else w[::every].copy() for name, w in series.items()}
-    return replace(run, sample_rate=run.sample_rate / every, **kept)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -23,6 +24,21 @@ Array = NDArray[np.float64]
 ANGLE_STEP = 1e-5
 # Samples of the load's derivatives in a period of the cut-off.
 SPLINE_SAMPLES = 8
+# What a run has of every sample.
+PER_SAMPLE = (
+    "time",
+    "q",
+    "dq",
+    "ddq",
+    "tau",
+    "temperature",
+    "torque_command",
+    "reference_position",
+    "reference_velocity",
+    "reference_acceleration",
+    "carried",
+    "beside",
+)
 
 
 @dataclass(frozen=True)
@@ -64,6 +80,12 @@ class Logged:
     coulomb_smoothing: Array | None = None
     coulomb_lead: float = 0.0
     zeros: Array | None = None
+
+    def thinned(self, every: int) -> "Logged":
+        """One in so many samples, of a motion that the others tell nothing more of."""
+        series = {name: getattr(self, name) for name in PER_SAMPLE}
+        kept: dict[str, Any] = {name: w if w is None else w[::every].copy() for name, w in series.items()}
+        return replace(self, sample_rate=self.sample_rate / every, **kept)
 
     @property
     def samples(self) -> int:
