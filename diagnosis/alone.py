@@ -24,8 +24,10 @@ MOSTLY = 0.8
 # Of these every joint of an imperfect robot has a little. One that gains this log-likelihood alone, and has
 # so much of a healthy size, is no imperfection.
 LEAST_ALONE = 40.0
-# First moments that are not quite the model's look like springs of up to half of that.
-OF_EVERY_JOINT: Mapping[str, float] = {WARMING: 0.3, BENDING: 0.3, RIPPLE: 0.5, SPRING: 0.6}
+OF_EVERY_JOINT: Mapping[str, float] = {**dict.fromkeys((SPRING, WARMING, BENDING), 0.3), RIPPLE: 0.5}
+# First moments that are not quite the model's look like springs of up to half of that, which explain less
+# than this share of what is left.
+SPRING_SIZE, SPRING_SHARE = 0.6, 0.4
 # Torque that acts later than this, s, and than this share of a sample, for which a drive may hold it, is
 # delayed where nothing else is seen at any joint: of some thousand shapes chance gives the best four standard
 # deviations or less, and an imperfect robot more.
@@ -59,6 +61,8 @@ def is_enough_alone(robot: Robot, stage: Stage, best: Weighed, coefficients: Arr
     if effect not in OF_EVERY_JOINT or best.score < LEAST_ALONE:
         return False
     times = times_healthy(robot, stage.ground.torque_rms, best.candidate, coefficients)
+    if effect == SPRING and float(stage.shares(best.gain).max()) < SPRING_SHARE:
+        return times > SPRING_SIZE
     return times > OF_EVERY_JOINT[effect]
 
 
