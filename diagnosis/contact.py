@@ -34,8 +34,9 @@ BURST_TORQUE = 0.01
 BURST_HEIGHT_NOISE, BEYOND_NOISE = 8.0, 3.0
 # Share of the joint's squared residual from which a function of the motion is the cause.
 FORETOLD = 0.25
-# And share that one fits of it, though it does not foretell it: runs may reach different places.
-FITTED = 0.5
+# And share that one fits of it, though it does not foretell it: runs may reach different places. Up to the
+# second, a push that leaves so much less is likelier: anything fits a part of a burst.
+FITTED, MOSTLY_FITTED, LESS_LEFT = 0.5, 0.8, 0.25
 # s: what is shorter, the filter does not resolve: a shock of the reference, a sample that went astray.
 SHORTEST = 0.12
 # No push loads a joint with so many times its drive's limit, or the largest torque of these runs where it has
@@ -86,7 +87,9 @@ def contact(
     bursts, noise = _in_bursts(stage)
     # What a limit that clips softly leaves is in bursts, too.
     clipped = stage.hypothesis.joints_with(SATURATION)
-    pushed = [j for j in bursts if foretold[j] < FORETOLD and fitted[j] < FITTED and j not in clipped]
+    unforetold = [j for j in bursts if foretold[j] < FORETOLD and j not in clipped]
+    pushed = [j for j in unforetold if fitted[j] < FITTED]
+    pushed = pushed or [j for j in unforetold if fitted[j] < MOSTLY_FITTED]
     # So is what bristles leave that were bent when a run began.
     if stage.hypothesis.joints_with(BRISTLES).issuperset(pushed):
         return None
@@ -108,7 +111,11 @@ def contact(
     for gain in _worth_a_fit(gains):
         push, link = _fitted(stage, gain, noise, list(bursts)), gain.candidate.family.joint
         assert link is not None
-        if push is None or not _is_bearable(push, most):
+        if (
+            push is None
+            or not _is_bearable(push, most)
+            or not _leaves_less(stage, push, noise, fitted, pushed)
+        ):
             continue
         if link not in likeliest or push.score > likeliest[link].score:
             likeliest[link] = push
@@ -161,6 +168,16 @@ def _fitted(stage: Stage, gain: Gain, noise: Array, bursts: Sequence[int]) -> _P
         trial,
         log_of_squares(stage.independent, left + of_profile) - count,
     )
+
+
+def _leaves_less(stage: Stage, push: _Push, noise: Array, fitted: Array, joints: Sequence[int]) -> bool:
+    """Whether a push leaves far less of joints than a function of the motion does that fits most of it.
+
+    fitted: (n,) the share that one fits.
+    """
+    own = [joint for joint in joints if fitted[joint] >= FITTED]
+    explained = _explained(squares(stage.fitted.residual), squares(push.trial[1].residual), noise)
+    return bool(np.all(1 - explained[own] < LESS_LEFT * (1 - fitted[own])))
 
 
 def _explained(before: Array, after: Array, noise: Array) -> Array:

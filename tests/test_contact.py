@@ -113,6 +113,19 @@ def test_a_push_is_seen_where_friction_near_rest_leaves_more_than_it(tmp_path):
     assert 2.0 < last < 2.3
 
 
+@pytest.mark.parametrize(
+    ("fitted", "less", "expected"),
+    [(0.45, 0.0, True), (0.6, 0.25, True), (0.6, 0.0, False), (0.9, 0.25, False)],
+)
+def test_a_push_of_which_a_function_of_the_motion_fits_half_leaves_far_less(
+    pushed, monkeypatch, fitted, less, expected
+):
+    monkeypatch.setattr("diagnosis.contact.fitted_shares", lambda *_: np.full(pushed.joints, fitted))
+    monkeypatch.setattr("diagnosis.contact.LESS_LEFT", less)
+    _, found = _sought(pushed)
+    assert (found is not None) == expected
+
+
 def test_a_shock_that_the_filter_does_not_resolve_is_no_push(tmp_path):
     arm = small_arm(tmp_path)
     runs = simulated_runs(arm, [], runs=3)
