@@ -213,7 +213,7 @@ def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> boo
 def names_that_hold(
     accepted: Sequence[Accepted], gap: Gap, fitted: Array, torque: Array
 ) -> tuple[tuple[Accepted, ...], tuple[Unclaimed, ...]]:
-    """What was taken in, without the names that leave their joints' gap as it was, or all gaps; those joints.
+    """What was taken in, without the names that leave too much of their joints' gap, or of all; those joints.
 
     gap: on whole runs left out. fitted, torque: (n,) N·m RMS, what all runs fitted together leave, and of the
     joints. What only one run tells may leave the gap of that run as it was, but not what all of them fit.
@@ -221,29 +221,29 @@ def names_that_hold(
     """
     closed, reducible = gap.parameters - gap.effects, gap.parameters - gap.noise_floor
     is_far = np.minimum(gap.parameters, fitted) > FAR_FROM_NOISE * gap.noise_floor
-    is_as_it_was = is_far & (closed < EXPLAINED * reducible)
+    leaves_too_much = is_far & (closed < EXPLAINED * reducible)
     is_left = gap.effects > np.maximum(LEFT_FAR_FROM_NOISE * gap.noise_floor, LEAST_UNMET * torque)
     is_left &= fitted > FAR_FROM_NOISE * gap.noise_floor
-    is_as_it_was |= is_left & (closed < MOSTLY_CLOSED * reducible)
+    leaves_too_much |= is_left & (closed < MOSTLY_CLOSED * reducible)
     if gap.parameters.sum() > FARTHER_FROM_NOISE * gap.noise_floor.sum():
-        is_as_it_was |= bool(closed.sum() < EXPLAINED_OF_ALL * reducible.sum())
+        leaves_too_much |= bool(closed.sum() < EXPLAINED_OF_ALL * reducible.sum())
     left = np.minimum(gap.effects / np.maximum(gap.parameters, 1e-300), 1.0) ** 2
-    found, without = [], dict[int, str]()
+    found, nearest = [], dict[int, str]()
     for item in accepted:
         joint = item.candidate.family.joint
         seems = item.named and item.share > EXPLAINED and not item.candidate.is_event
-        if seems and joint is not None and is_as_it_was[joint]:
+        if seems and joint is not None and leaves_too_much[joint]:
             item = replace(item, named=False)
-            without.setdefault(joint, item.candidate.family.effect)
+            nearest.setdefault(joint, item.candidate.family.effect)
         found.append(item)
     # A push there was found in what such an effect had left.
-    is_rest = [item.candidate.is_event and item.candidate.family.joint in without for item in found]
+    is_rest = [item.candidate.is_event and item.candidate.family.joint in nearest for item in found]
     kept = tuple(
         replace(item, named=item.named and not rest) for item, rest in zip(found, is_rest, strict=True)
     )
-    unmet = [joint for joint in sorted(without) if gap.effects[joint] > LEAST_UNMET * torque[joint]]
+    unmet = [joint for joint in sorted(nearest) if gap.effects[joint] > LEAST_UNMET * torque[joint]]
     return kept, tuple(
-        Unclaimed(joint, NOTHING, float(left[joint]), nearest=without[joint]) for joint in unmet
+        Unclaimed(joint, NOTHING, float(left[joint]), nearest=nearest[joint]) for joint in unmet
     )
 
 

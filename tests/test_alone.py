@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from diagnosis.accepted import Accepted
-from diagnosis.alone import is_elsewhere, is_most
+from diagnosis.alone import is_elsewhere, is_enough_alone, is_most
 from diagnosis.candidates import candidates
 from diagnosis.diagnose import diagnose
+from diagnosis.healthy import times_healthy
 from diagnosis.likelihood import Weighed, gained
 from testbench.effects import parse_injection
 from tests.certain_gain import certain, healthy_stage, squares
@@ -71,3 +72,16 @@ def test_what_is_of_the_whole_robot_is_elsewhere_where_it_gains_its_most(tmp_pat
     gain = certain(stage, tilt, 0.01, squares(stage, 0.001) * np.eye(2)[joint])
     named = Accepted(elbow, probability=1.0, rivals=(), score=90.0, share=0.9, worth=0.01)
     assert is_elsewhere(stage, Weighed(gain, gained(stage, gain)), [named]) == expected
+
+
+@pytest.mark.parametrize(
+    ("times", "share", "expected"),
+    [(0.65, 0.2, True), (0.45, 0.5, True), (0.45, 0.2, False), (0.25, 0.5, False)],
+)
+def test_a_small_gravity_spring_alone_is_much_of_what_is_left(tmp_path, times, share, expected):
+    stage, (_, elbow) = healthy_stage(small_arm(tmp_path), "gravity_spring")
+    robot, torque = stage.prepared.robot, stage.ground.torque_rms
+    amount = times / times_healthy(robot, torque, elbow, np.eye(elbow.count)[0])
+    gain = certain(stage, elbow, amount, share * stage.held_squares)
+    best = Weighed(gain, 60.0)
+    assert is_enough_alone(robot, stage, best, gain.coefficients) == expected
