@@ -1,6 +1,6 @@
 """A push of the surroundings: short bursts in what is left, which no function of the state explains."""
 
-from collections.abc import Collection, Sequence, Set
+from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -90,6 +90,7 @@ def contact(
     unforetold = [j for j in bursts if foretold[j] < FORETOLD and j not in clipped]
     pushed = [j for j in unforetold if fitted[j] < FITTED]
     pushed = pushed or [j for j in unforetold if fitted[j] < MOSTLY_FITTED]
+    least = {j: 1 - LESS_LEFT * (1 - fitted[j]) for j in pushed if fitted[j] >= FITTED}
     # So is what bristles leave that were bent when a run began.
     if stage.hypothesis.joints_with(BRISTLES).issuperset(pushed):
         return None
@@ -109,13 +110,9 @@ def contact(
     most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
     likeliest: dict[int, _Push] = {}
     for gain in _worth_a_fit(gains):
-        push, link = _fitted(stage, gain, noise, list(bursts)), gain.candidate.family.joint
+        push, link = _fitted(stage, gain, noise, list(bursts), least), gain.candidate.family.joint
         assert link is not None
-        if (
-            push is None
-            or not _is_bearable(push, most)
-            or not _leaves_less(stage, push, noise, fitted, pushed)
-        ):
+        if push is None or not _is_bearable(push, most):
             continue
         if link not in likeliest or push.score > likeliest[link].score:
             likeliest[link] = push
@@ -151,14 +148,20 @@ def _are_together(one: Set[tuple[int, int]], other: Set[tuple[int, int]]) -> boo
     return len(one & other) > TOGETHER * min(len(one), len(other))
 
 
-def _fitted(stage: Stage, gain: Gain, noise: Array, bursts: Sequence[int]) -> _Push | None:
+def _fitted(
+    stage: Stage, gain: Gain, noise: Array, bursts: Sequence[int], least: Mapping[int, float]
+) -> _Push | None:
     """A push fitted in full; None where it explains too little of the joints' bursts.
 
-    noise: (n,) what of each joint's squared residual would be there without any burst.
+    noise: (n,) what of each joint's squared residual would be there without any burst. least: what of a
+    joint must be explained where a function of the motion fits most of it.
     """
     before, trial = squares(stage.fitted.residual), stage.with_effects([gain.candidate])
     after, count = squares(trial[1].residual), gain.candidate.count
-    explained = _explained(before, after, noise)[bursts]
+    explained = _explained(before, after, noise)
+    if any(explained[joint] <= share for joint, share in least.items()):
+        return None
+    explained = explained[bursts]
     if explained.max() <= (SMALLEST_SHARE if np.sum(explained > SMALLEST_SHARE) > 1 else ALONE):
         return None
     left, floor = (each / np.maximum(before, 1e-300) for each in (after, noise))
@@ -168,16 +171,6 @@ def _fitted(stage: Stage, gain: Gain, noise: Array, bursts: Sequence[int]) -> _P
         trial,
         log_of_squares(stage.independent, left + of_profile) - count,
     )
-
-
-def _leaves_less(stage: Stage, push: _Push, noise: Array, fitted: Array, joints: Sequence[int]) -> bool:
-    """Whether a push leaves far less of joints than a function of the motion does that fits most of it.
-
-    fitted: (n,) the share that one fits.
-    """
-    own = [joint for joint in joints if fitted[joint] >= FITTED]
-    explained = _explained(squares(stage.fitted.residual), squares(push.trial[1].residual), noise)
-    return bool(np.all(1 - explained[own] < LESS_LEFT * (1 - fitted[own])))
 
 
 def _explained(before: Array, after: Array, noise: Array) -> Array:

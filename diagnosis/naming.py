@@ -224,19 +224,17 @@ def names_that_hold(
     closed, reducible = gap.parameters - gap.effects, gap.parameters - gap.noise_floor
     is_far = np.minimum(gap.parameters, fitted) > FAR_FROM_NOISE * gap.noise_floor
     leaves_too_much = is_far & (closed < EXPLAINED * reducible)
-    is_left = gap.effects > np.maximum(LEFT_FAR_FROM_NOISE * gap.noise_floor, LEAST_UNMET * torque)
-    is_left &= fitted > FAR_FROM_NOISE * gap.noise_floor
-    is_left &= gap.parameters - np.minimum(gap.effects, fitted) < MOSTLY_CLOSED * reducible
-    is_left &= not any(item.named and item.candidate.is_event for item in accepted)
     if gap.parameters.sum() > FARTHER_FROM_NOISE * gap.noise_floor.sum():
         leaves_too_much |= bool(closed.sum() < EXPLAINED_OF_ALL * reducible.sum())
+    pushed = any(item.named and item.candidate.is_event for item in accepted)
+    stays_far = _stays_far(gap, fitted, torque) & (not pushed)
     left = np.minimum(gap.effects / np.maximum(gap.parameters, 1e-300), 1.0) ** 2
     found, nearest = [], dict[int, str]()
     for item in accepted:
         joint = item.candidate.family.joint
         seems = item.named and item.share > EXPLAINED and not item.candidate.is_event
         is_gearbox = item.candidate.family.effect in TRANSMISSIONS
-        if seems and joint is not None and (leaves_too_much[joint] or (is_left[joint] and not is_gearbox)):
+        if seems and joint is not None and (leaves_too_much[joint] or (stays_far[joint] and not is_gearbox)):
             item = replace(item, named=False)
             nearest.setdefault(joint, item.candidate.family.effect)
         found.append(item)
@@ -249,6 +247,14 @@ def names_that_hold(
     return kept, tuple(
         Unclaimed(joint, NOTHING, float(left[joint]), nearest=nearest[joint]) for joint in unmet
     )
+
+
+def _stays_far(gap: Gap, fitted: Array, torque: Array) -> NDArray[np.bool_]:
+    """The joints (n,) whose gap stays far from noise, too little of it closed; arguments as above."""
+    closed, reducible = gap.parameters - np.minimum(gap.effects, fitted), gap.parameters - gap.noise_floor
+    is_far = gap.effects > np.maximum(LEFT_FAR_FROM_NOISE * gap.noise_floor, LEAST_UNMET * torque)
+    is_misfit = fitted > FAR_FROM_NOISE * gap.noise_floor
+    return is_far & is_misfit & (closed < MOSTLY_CLOSED * reducible)
 
 
 def pushes_that_hold(

@@ -35,7 +35,7 @@ OPPOSED = 0.5
 # torque, RMS, and of the variance without it that it leaves at most.
 DRIVING, SHARE_OF_FRICTION, FRICTION_LEAVES = -0.7, 0.4, 0.35
 # Torque has lost its sign where it is never below zero, though the model's is on either side of it in this
-# share of the samples.
+# share of the samples in which the joint moves.
 EITHER_SIDE = 0.1
 # Torque is another joint's where its own motion leaves more than this share of its variance, and so many
 # times what the other's leaves; of joints that move by so many rad/s (m/s), RMS.
@@ -106,7 +106,7 @@ def _check_signed(
     """
     moves = np.abs(dq) > MOVING
     below, above = (np.sum(moves & side, axis=0) for side in (model < 0, model > 0))
-    fewest = np.maximum(EITHER_SIDE * np.sum(moves, axis=0), EITHER_SIDE * FEWEST_MEANS)
+    fewest = EITHER_SIDE * np.maximum(np.sum(moves, axis=0), FEWEST_MEANS)
     never_below = (logged.min(axis=0) >= 0) & (np.minimum(below, above) > fewest)
     without, with_sign = (np.where(moves, torque - each, 0.0) for each in (np.abs(model), model))
     unsigned = never_below & (_rms(without) < OPPOSED * _rms(with_sign))

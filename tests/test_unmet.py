@@ -1,5 +1,6 @@
 """What no effect of the catalogue is, though one was fitted; and a little of one effect alone."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -231,7 +232,7 @@ def test_a_shared_drive_moves_one_of_its_joints(arm, coulomb, moved):
     ("after", "elsewhere", "fitted", "floor", "torque", "holds", "unknown"),
     [
         (9.9, 1.0, 5.0, 1.0, 50.0, False, [1]),
-        (4.0, 1.0, 4.0, 1.0, 50.0, True, []),
+        (5.0, 1.0, 5.0, 1.0, 50.0, True, []),
         # Each run tells something else.
         (9.9, 1.0, 2.0, 1.0, 50.0, True, []),
         (9.9, 1.0, 5.0, 4.0, 50.0, True, []),
@@ -280,8 +281,30 @@ def test_a_name_that_leaves_its_joint_far_from_noise_does_not_hold(
     found, unmet = names_that_hold(accepted, gap, np.array([1.0, fitted]), np.array([50.0, torque]))
     assert found[0].named == holds
     assert [each.nearest for each in unmet] == ([] if holds else ["cable_spring"])
+    # Gearboxes that stiffen otherwise leave much.
     soft = replace(accepted[0], candidate=replace(cable, family=replace(cable.family, effect="backlash")))
     assert names_that_hold([soft], gap, np.array([1.0, fitted]), np.array([50.0, torque]))[0][0].named
+
+
+def test_what_comes_nearest_is_told_with_what_it_leaves(arm, monkeypatch):
+    runs = simulated_runs(
+        arm, [parse_injection(arm, "transmission_ripple:elbow:amplitude=1.5,cycles=12")], runs=3
+    )
+    assert [each.effect for each in diagnose(arm, runs).effects] == ["transmission_ripple"]
+    # As if it left more than a robot's own law does.
+    monkeypatch.setattr("diagnosis.naming.LEFT_FAR_FROM_NOISE", 0.0)
+    monkeypatch.setattr("diagnosis.naming.MOSTLY_CLOSED", 2.0)
+    monkeypatch.setattr("diagnosis.naming.FAR_FROM_NOISE", 0.0)
+    monkeypatch.setattr("diagnosis.naming.LEAST_UNMET", 0.0)
+    found = diagnose(arm, runs)
+    assert found.verdict == "unknown"
+    assert re.match(
+        r"At elbow transmission ripple comes nearest and leaves \d+% of the gap: ", found.sentence
+    )
+    (reason,) = [
+        each.reason for each in found.ranked if (each.effect, each.joint) == ("transmission_ripple", 1)
+    ]
+    assert reason == "fitted, but leaves too much of the gap"
 
 
 @pytest.mark.parametrize(
