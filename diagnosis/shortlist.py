@@ -1,6 +1,6 @@
 """The shortlist of a round: its effects at their best shapes, fitted in full, the likeliest, its rivals."""
 
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,17 +192,17 @@ def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
 
     Far from it, one of another law may seem the likelier.
     """
-    family, own = found.candidate.family, found.candidate.member.law
+    family, law = found.candidate.family, found.candidate.member.law
     if family.effect == CABLE:
         return _cable(robot, stage, found)
-    if family.richer is not None:
-        return _richer(robot, stage, found)
     if family.effect not in (*TRANSMISSIONS, BRISTLES):
-        return found
-    tried = [found]
-    for law in dict.fromkeys(each.law for each in family.members):
-        if law != own:
-            tried += _best_of(robot, stage, family, {law}, MORE_TRIED)
+        return found if family.richer is None else _richer(robot, stage, found)
+    tried, members = [found], family.members
+    if family.richer is not None:
+        members += family.richer(found.candidate.member)
+    for other in dict.fromkeys(each.law for each in members if each.law != law):
+        own = [each for each in members if each.law == other]
+        tried += _best_of(robot, stage, family, own, MORE_TRIED)
     if len(tried) == 1:
         return found
     # As far as the others.
@@ -213,17 +213,17 @@ def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
 def _cable(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     """A cable that hardens, where all runs surely tell it from the best by its other laws; else that."""
     family, hardens = found.candidate.family, found.candidate.member.law == HARDENING
-    others = {each.law for each in family.members} - {HARDENING}
+    others = [each for each in family.members if each.law != HARDENING]
     lines = _best_of(robot, stage, family, others) if hardens else [found]
     if not lines:
         return found
     (line,) = lines
-    hoses = [found] if hardens else _best_of(robot, stage, family, {HARDENING})
+    members = [each for each in family.members if each.law == HARDENING]
+    hoses = [found] if hardens else _best_of(robot, stage, family, members)
     hose = max([*hoses, *_hardly_hardening(robot, stage, line)], key=lambda each: each.score, default=line)
     if hose.score <= line.score or _told(stage, hose, line) < 0:
         return line
     # Where it rests has several likeliest places.
-    members = [each for each in family.members if each.law == HARDENING]
     starts = [each for member in members for each in likeliest_of(stage, family, [member])]
     hose = max([hose, *(refined(robot, stage, each) for each in starts)], key=lambda each: each.score)
     return _surely(stage, refined(robot, stage, hose, MORE_TRIED), line)
@@ -270,10 +270,9 @@ def _told(stage: Stage, other: Weighed, plain: Weighed) -> float:
 
 
 def _best_of(
-    robot: Robot, stage: Stage, family: Family, laws: Set[str | None], tried: int = TRIED
+    robot: Robot, stage: Stage, family: Family, members: Sequence[Member], tried: int = TRIED
 ) -> list[Weighed]:
-    """The family's best member by these laws, refined; nothing where none of them shows."""
-    members = [each for each in family.members if each.law in laws]
+    """The best of some of a family's members, refined; nothing where none of them shows."""
     return [refined(robot, stage, each, tried) for each in likeliest_of(stage, family, members)]
 
 

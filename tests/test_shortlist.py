@@ -103,10 +103,10 @@ def test_what_bends_all_parameters_is_told_by_all_runs_where_left_out_ones_lose(
     assert (choose(arm, stage, weighed, weighed) is not None) == is_told
 
 
-@pytest.mark.parametrize("doubling", [0.004, 0.02, None])
-def test_a_spring_that_hardens_is_found_by_its_own_law(arm, doubling):
+@pytest.mark.parametrize(("stiffness", "doubling"), [(100, 0.004), (100, 0.02), (100, None), (40, 0.08)])
+def test_a_spring_that_hardens_is_found_by_its_own_law(arm, stiffness, doubling):
     law = "law=two_mass" if doubling is None else f"law=hardening,doubling_windup={doubling}"
-    spring = parse_injection(arm, f"joint_elasticity:elbow:stiffness=100,damping=0.2,{law}")
+    spring = parse_injection(arm, f"joint_elasticity:elbow:stiffness={stiffness},damping=0.2,{law}")
     prepared = prepare(arm, simulated_runs(arm, [spring], runs=3))
     stage = Stage.of(ground(prepared), [])
     weighed = weigh(stage, Bank(stage.ground, candidates(prepared, only=["joint_elasticity"])))
@@ -114,7 +114,7 @@ def test_a_spring_that_hardens_is_found_by_its_own_law(arm, doubling):
     assert chosen is not None
     found = chosen[0].candidate
     assert (found.family.joint, found.member.law) == (1, None if doubling is None else "hardening")
-    assert found.member.shape["stiffness"] == pytest.approx(100, rel=0.1)
+    assert found.member.shape["stiffness"] == pytest.approx(stiffness, rel=0.1)
     if doubling is not None:
         assert found.member.shape["doubling_windup"] == pytest.approx(doubling, rel=0.1)
 

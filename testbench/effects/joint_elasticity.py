@@ -59,7 +59,9 @@ FREQUENCIES, LOWEST, HIGHEST = (4.5, 5.6, 7.0, 8.8, 11.0, 13.7, 17.2, 21.5), 3.0
 DAMPING_RATIOS, LEAST_RATIO, LARGEST_RATIO = (0.03, 0.1), 0.005, 0.4
 # Hz without a windup, of hardening springs; the windups at which they are twice as stiff, of what the load
 # alone would make, and rad.
-HARDENING_FREQUENCIES, OF_THE_LOAD, DOUBLING = (4.5, 8.0, 14.2), (0.4, 1.0), (1e-4, 3e-2)
+HARDENING_FREQUENCIES, OF_THE_LOAD, DOUBLING = (4.5, 8.0, 14.2), (0.4, 1.0), (1e-4, 2e-1)
+# Likewise of one that hardly differs from a spring that does not.
+HARDLY = 2.0
 # The largest coefficient of one: far from 1 it is none.
 MOST_HARDENING = 2.0
 # A spring of which less shows is as good as rigid.
@@ -133,33 +135,41 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     def stiffness(frequency: float) -> float:
         return (2 * np.pi * frequency) ** 2 * inertia
 
+    stiffnesses = stiffness(LOWEST), stiffness(HIGHEST)
     load = float(np.sqrt(np.mean(np.concatenate([link.load for link in links]) ** 2)))
     linear = [
         {"stiffness": stiffness(each), "damping_ratio": ratio}
         for each in FREQUENCIES
         for ratio in DAMPING_RATIOS
     ]
+
+    def hardening(spring: Mapping[str, float], share: float) -> dict[str, float]:
+        doubling = float(np.clip(share * load / spring["stiffness"], *DOUBLING))
+        return {**spring, "doubling_windup": doubling}
+
+    def hardly(spring: Mapping[str, float]) -> dict[str, float]:
+        # By the describing function of a cubic spring, as stiff as the one that does not harden.
+        less = spring["stiffness"] / (1 + 1.5 / HARDLY**2)
+        return {**hardening(spring, HARDLY), "stiffness": float(np.clip(less, *stiffnesses))}
+
     # Hardening that the load makes felt, wherever that is.
-    hardening = [
-        {
-            "stiffness": stiffness(each),
-            "damping_ratio": DAMPING_RATIOS[0],
-            "doubling_windup": float(np.clip(share * load / stiffness(each), *DOUBLING)),
-        }
+    felt = [
+        hardening({"stiffness": stiffness(each), "damping_ratio": DAMPING_RATIOS[0]}, share)
         for each in HARDENING_FREQUENCIES
         for share in OF_THE_LOAD
     ]
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,
-        members=tuple(member(shape) for shape in [*linear, *hardening]),
+        members=tuple(member(shape) for shape in [*linear, *felt]),
         parameters=parameters,
         refine={
-            "stiffness": (stiffness(LOWEST), stiffness(HIGHEST)),
+            "stiffness": stiffnesses,
             "damping_ratio": (LEAST_RATIO, LARGEST_RATIO),
             "doubling_windup": DOUBLING,
         },
         member=member,
+        richer=lambda plain: (member(hardly(plain.shape)),),
     )
 
 
