@@ -44,7 +44,7 @@ DESCRIPTION = EffectDescription(
 SOFT_CONTACT = 0.25
 # s, of MuJoCo's limit at the ends of the gap: about as hard as the contact in simulation/transmission.py.
 LIMIT_TIME_CONSTANT = 0.004
-GAPS = (0.0001, 0.0002, 0.0004, 0.0008, 0.0015, 0.003, 0.006)
+GAPS, WIDEST = (0.0001, 0.0002, 0.0004, 0.0008, 0.0015, 0.003, 0.006, 0.013), 0.04
 # Hz, of a hard contact with the link's own inertia: what is looked for first, and what it may be.
 CONTACT, CONTACTS = 60.0, (30.0, 160.0)
 
@@ -94,7 +94,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         return {"gap": Quantity(float(member.shape["gap"] * np.sqrt(max(c[0], 0.0))), std, "rad")}
 
     grid = {"gap": GAPS, "contact": (CONTACT,)}
-    return grid_family(DESCRIPTION.name, joint, member, grid, parameters, wider={"contact": CONTACTS})
+    wider = {"gap": (GAPS[0], WIDEST), "contact": CONTACTS}
+    return grid_family(DESCRIPTION.name, joint, member, grid, parameters, wider=wider)
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

@@ -40,7 +40,7 @@ DESCRIPTION = EffectDescription(
     confused_with=("stribeck_friction", "thermal_friction_drift"),
 )
 
-EXPONENTS, LEAST, LARGEST = (0.33, 0.5, 0.67, 1.5, 2.0), 0.25, 2.5
+EXPONENTS, LEAST, LARGEST = (0.33, 0.5, 0.67, 1.5, 2.0), 0.25, 3.2
 # Speeds at which MuJoCo's polynomial is fitted, as shares of the speed limit.
 SPEEDS = np.linspace(0.02, 1.0, 50)
 
