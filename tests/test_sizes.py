@@ -72,7 +72,7 @@ def test_a_spring_is_told_by_a_column_that_is_its_own(arm, stiffness):
     assert found.parameters["stiffness"].std < 0.02 * stiffness
 
 
-@pytest.mark.parametrize("gap", [0.0011, 0.003])
+@pytest.mark.parametrize("gap", [0.0011, 0.003, 0.009])
 def test_a_play_is_told_by_when_the_link_lands_and_by_how_hard(arm, gap):
     runs = simulated_runs(arm, [parse_injection(arm, f"backlash:shoulder:gap={gap}")], runs=3)
     (found,) = diagnose(arm, runs).effects
