@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .accepted import Accepted
-from .healthy import BENDING, RIPPLE, SPRING, WARMING, times_healthy
-from .hypothesis import DELAY
+from .healthy import BENDING, RIPPLE, SPRING, times_healthy
 from .likelihood import Weighed, gained_by_joint
 from .materiality import BEYOND, SMALLEST_WALD
 from .weighing import Stage
@@ -24,7 +23,7 @@ MOSTLY = 0.8
 # Of these every joint of an imperfect robot has a little. One that gains this log-likelihood alone, and has
 # so much of a healthy size, is no imperfection.
 LEAST_ALONE = 40.0
-OF_EVERY_JOINT: Mapping[str, float] = {**dict.fromkeys((SPRING, WARMING, BENDING), 0.3), RIPPLE: 0.5}
+OF_EVERY_JOINT: Mapping[str, float] = {**dict.fromkeys((SPRING, BENDING), 0.3), RIPPLE: 0.5}
 # First moments that are not quite the model's look like springs of up to half of that, which explain less
 # than this share of what is left.
 SPRING_SIZE, SPRING_SHARE = 0.6, 0.4
@@ -47,7 +46,7 @@ def is_alone(
     robot: that sizes are relative to. coefficients: (k,) as fitted in full. before: what was taken in; at its
     joint nothing may be. rest: what is left to explain.
     """
-    if best.candidate.family.effect == DELAY:
+    if best.candidate.is_common_delay:
         return are_joints_own(before) and is_late_alone(stage, rest)
     if not is_enough_alone(robot, stage, best, coefficients) or not is_most(best, rest):
         return False

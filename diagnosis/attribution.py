@@ -22,7 +22,7 @@ from .flat_top import flat_tops
 from .folds import covered, covered_for
 from .ground import Ground, ground
 from .healthy import OFFSET, with_friction
-from .hypothesis import DELAY, Design
+from .hypothesis import Design
 from .imperfections import of_one_joint
 from .likeliest_shapes import at_likeliest_shapes
 from .likelihood import Weighed, gained, weigh
@@ -240,7 +240,7 @@ def _pruned(
                 # Both are fitted in full here, so what leaving it out costs is known exactly.
                 gain = stage.as_fitted(gain, (hypothesis, fitted))
             # The timing of the log makes up for all that a delay explains.
-            is_late = item.named and item.candidate.family.effect == DELAY
+            is_late = item.named and item.candidate.is_common_delay
             kept = item.candidate.is_event or item.is_trace or is_late
             # What was best when it was taken in is judged as such.
             weighed = None if gain is None else Weighed(gain, gained(stage, gain))

@@ -30,6 +30,7 @@ Place = tuple[str, int | None, int | None]
 EVENT = "external_contact"
 # Beyond a limit the torque that is regressed on would stand on both sides: it is tried in its own way.
 SATURATION = "torque_saturation"
+DELAY = "torque_delay"
 # What the effect of a free function of the motion is called before its regime.
 FREE = "unknown: "
 
@@ -81,6 +82,16 @@ class Candidate:
     def is_free(self) -> bool:
         """Whether it is a free function of the motion, under no law."""
         return self.family.effect.startswith(FREE)
+
+    @property
+    def is_common_delay(self) -> bool:
+        """Whether it has the torque of all joints act late."""
+        return self.family.effect == DELAY and self.family.joint is None
+
+    @property
+    def is_late_alone(self) -> bool:
+        """Whether it has one joint's torque act late, and no other's."""
+        return self.family.effect == DELAY and self.family.joint is not None
 
     @property
     def place(self) -> Place:

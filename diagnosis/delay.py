@@ -15,9 +15,10 @@ from testbench.effects import effect
 from testbench.torque_lag import IN_TIME, TorqueLag, with_derivatives
 
 from .bounded import solve
+from .candidates import DELAY
 from .evidence import Fit, normal_of
 from .ground import ground
-from .hypothesis import DELAY, Design, bounds, design, log_prior, scaled_precision
+from .hypothesis import Design, bounds, design, log_prior, scaled_precision
 from .likelihood import log_of_squares
 
 Array = NDArray[np.float64]
@@ -42,7 +43,7 @@ def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
     delay = shifted.likeliest(DELAYS, TOLERANCE, np.inf)
     values = shifted.fit(delay)[1]
     for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
-        if each.family.effect == DELAY:
+        if each.is_common_delay:
             values = np.insert(values, own.start, delay)
     return delay, values
 
@@ -67,7 +68,7 @@ class _Shifted:
     """The hypothesis without its delay, ready to be fitted to the torques shifted back by any."""
 
     def __init__(self, hypothesis: Design, fitted: Fit):
-        rest = [each for each in hypothesis.accepted if each.family.effect != DELAY]
+        rest = [each for each in hypothesis.accepted if not each.is_common_delay]
         self.hypothesis = design(hypothesis.prepared, rest, is_delayed=True)
         self.base, self.weights = ground(hypothesis.prepared), fitted.weights
         products = normal_of(self.hypothesis).weighted(self.weights)[0].sum(axis=0)

@@ -28,10 +28,9 @@ HEALTHY: Mapping[str, float] = {
     "presliding_hysteresis": 0.4,
     "asymmetric_friction": 2.0,
     "stribeck_friction": 1.0,
-    # Friction that is surely lost in warming up is more than any imperfection looks like.
-    "thermal_friction_drift": 0.35,
+    # Any joint loses a tenth of its viscous friction as it warms.
+    "thermal_friction_drift": 0.5,
     "torque_delay": 12.0,
-    # Joints of one bus are sampled up to a millisecond apart.
     "actuator_lag": 3.0,
     "encoder_eccentricity": 500.0,
     OFFSET: 15.0,
@@ -46,8 +45,9 @@ HEALTHY: Mapping[str, float] = {
     "external_contact": 0.0,
 }
 HEALTHY_ELSE = 0.8
-# And all torques of one sample are reported together, whenever within it they acted.
-LAG, OF_SAMPLE = "actuator_lag", 0.4
+# Joints of one bus are sampled up to a millisecond apart, or this share of a sample, as all torques of one
+# are reported together, whenever within it they acted. A joint that is late alone is judged as one that lags.
+LAG, OF_SAMPLE, LATE_ALONE = "actuator_lag", 0.4, 4.5
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
 # And an encoder that counts in no less than a part of their displacement looks like them.
 BRISTLES, SMALLEST_LEVEL, COUNTS = "presliding_hysteresis", 0.55, 2.5
@@ -131,10 +131,8 @@ def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, c
         resolved = candidate.member.shape["displacement"] > COUNTS * candidate.position_step[joint]
         if not resolved or coefficients[0] < SMALLEST_LEVEL * scale_of("coulomb", robot, joint):
             return False
-    if (
-        name == LAG
-        and _number(quantities(candidate, coefficients)["time_constant"]) < OF_SAMPLE * candidate.sample_time
-    ):
+    # Of both the only coefficient, s.
+    if (name == LAG or candidate.is_late_alone) and coefficients[0] < OF_SAMPLE * candidate.sample_time:
         return False
     return times_healthy(robot, torque_scale, candidate, coefficients) > 1
 
@@ -151,6 +149,8 @@ def moves_little(torque_scale: Array, candidate: Candidate, coefficients: Array)
 def times_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
     """How many times the most that a healthy robot has of an effect; arguments as of ``size``."""
     healthy = HEALTHY.get(candidate.family.effect, HEALTHY_ELSE)
+    if candidate.is_late_alone:
+        healthy = LATE_ALONE
     largest = size(robot, torque_scale, candidate, coefficients)
     return largest / healthy if healthy > 0 else np.inf * largest
 

@@ -33,7 +33,7 @@ BEST_MODEL = 0.1
 DETERMINED = (6.0, 3.0)
 # Deviation of a push, in units of the strongest joint's RMS torque.
 LARGEST_PUSH = 3.0
-DELAY, NO_TIMING = "torque_delay", 1e-8
+NO_TIMING = 1e-8
 # Seconds: torque and position are sampled less than this apart.
 LATE = 2.4e-3
 
@@ -153,7 +153,7 @@ def design(prepared: Prepared, accepted: Sequence[Candidate] = (), is_delayed: b
     push = (LARGEST_PUSH * float(ground(prepared).torque_rms.max())) ** -2.0
     free = [np.full(c.count, push if c.is_event else 0.0) for c in accepted]
     precision = np.concatenate([ground(prepared).precision, *free])
-    if is_delayed or any(c.family.effect == DELAY for c in accepted):
+    if is_delayed or any(c.is_common_delay for c in accepted):
         # A delay that is an effect leaves none to the way the log was taken.
         precision[ground(prepared).parameters - 1] = NO_TIMING**-2
     return Design(prepared, tuple(accepted), precision)

@@ -15,7 +15,7 @@ from .deviations import covariance_with_shapes
 from .evidence import Fit, fit, fitted_to
 from .ground import ground
 from .healthy import WARMING, is_plausible
-from .hypothesis import DELAY, Design, design
+from .hypothesis import Design, design
 from .likelihood import likeliest_of
 from .shape_search import ranges, search, searched_for, share_of
 from .weighing import Stage
@@ -48,7 +48,7 @@ def at_likeliest_shapes(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[
 
 def is_searched(each: Candidate) -> bool:
     """Whether an effect has shapes that are searched for."""
-    return each.family.member is not None and each.family.effect != DELAY and bool(searched_for(each))
+    return each.family.member is not None and not each.is_common_delay and bool(searched_for(each))
 
 
 def at_likeliest_shape(

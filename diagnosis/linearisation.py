@@ -10,11 +10,11 @@ from identification.parameters import INERTIAL, PER_JOINT
 from testbench.effects import effect
 from testbench.effects.signature import Family
 
-from .candidates import Candidate, candidate
+from .candidates import DELAY, Candidate, candidate
 from .delay import likeliest_delay
 from .evidence import Fit, fitted_to, standard_values
 from .healthy import OFFSET
-from .hypothesis import DELAY, Design
+from .hypothesis import Design
 from .preparation import Prepared
 from .prior import TIMING
 from .zeros import likeliest_zero
@@ -65,7 +65,7 @@ def linearised_anew(hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
     values, shapes = fitted.values, [each.member.shape for each in hypothesis.accepted]
     zeros = hypothesis.prepared.zeros.copy()
     for place, (each, own) in enumerate(zip(hypothesis.accepted, hypothesis.parts, strict=True)):
-        if each.family.effect == DELAY:
+        if each.is_common_delay:
             delay, values = likeliest_delay(hypothesis, fitted)
             shapes[place] = {"difference": delay}
         if each.family.effect == OFFSET and abs(offset := float(fitted.values[own][0])) > FAR_OFF:

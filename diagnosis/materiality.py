@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
-from .candidates import Candidate
+from .candidates import DELAY, Candidate
 from .healthy import (
     BENDING,
     ELASTIC,
@@ -22,7 +22,7 @@ from .healthy import (
     SPRING,
     is_beyond_healthy,
 )
-from .hypothesis import DELAY, LATE
+from .hypothesis import LATE
 from .likelihood import Weighed, by_chance, gained, gained_by_shift, gained_elsewhere
 from .linearisation import TRANSMISSIONS
 from .weighing import Gain, Stage
@@ -121,7 +121,7 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = Fa
 def is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     """Whether it is told by its size, and that is certainly larger than a healthy robot's."""
     family, gain = weighed.candidate.family, weighed.gain
-    if family.effect == DELAY:
+    if gain.candidate.is_common_delay:
         # All torque acts late, whatever it is called.
         if stage.timing < -LATE:
             return True

@@ -9,15 +9,25 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.parameters import OFFSET as OFFSET_TORQUE
 from testbench.robot import Robot
 
 from .accepted import COUPLING, Accepted
 from .alone import OF_EVERY_JOINT, is_alone
-from .candidates import SATURATION
+from .candidates import SATURATION, Candidate
 from .evidence import Fit, fitted_to, squares
 from .findings import Gap
 from .ground import Ground, ground
-from .healthy import GAIN, is_beyond_healthy, is_excessive, moves_little, times_healthy
+from .healthy import (
+    CABLE,
+    GAIN,
+    OFFSET,
+    WARMING,
+    is_beyond_healthy,
+    is_excessive,
+    moves_little,
+    times_healthy,
+)
 from .hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from .likelihood import Weighed, gained, gained_by_shift
 from .linearisation import TRANSMISSIONS
@@ -53,6 +63,9 @@ AT_LAST, GAIN_AT_LAST = 9.0, 16.0
 # Joints that move alike share what bristles leave: a drive that two share moves one of them by this share of
 # its torque.
 LEAST_COUPLED = 0.025
+# Any joint warms, by this share of its friction in these runs; and whatever foretells less than this share of
+# what its joint leaves is no cable.
+WARMED, FORETOLD_BY_CABLE = 0.02, 0.1
 # A push alone takes this share of the gap, or of some joint's that is so many times the noise: real ones
 # three quarters, or all of a joint's.
 OF_A_PUSH, OF_ITS_JOINT, BEYOND_NOISE = 0.55, 0.8, 1.3
@@ -83,7 +96,11 @@ def accepted_as(
     beyond = beyond and all(is_beyond_healthy(sized, torque_rms, *each) for each in as_well)
     share = float(stage.shares(best.gain).max())
     beyond = (obvious or beyond) and not (is_excessive(sized, *own, share) or moves_little(torque_rms, *own))
-    beyond = beyond and couples(stage, best.gain)
+    beyond = beyond and couples(stage, best.gain) and warms(stage, *own)
+    shift = gained_by_shift(stage, best.gain)
+    # A zero that lies elsewhere has bent the parameters.
+    beyond = beyond and not (best.candidate.family.effect == OFFSET and shift < 0)
+    beyond = beyond and not (best.candidate.family.effect == CABLE and share < FORETOLD_BY_CABLE)
     # What a push leaves is where it was.
     firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
     main = alone or is_main(sized, apart, stage, best, firsts, rest)
@@ -103,7 +120,7 @@ def accepted_as(
         score=best.score,
         share=share,
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
-        shift=gained_by_shift(stage, best.gain),
+        shift=shift,
         named=bool(beyond and main and certain and enough),
         is_certain=certain,
         is_trace=found.is_trace,
@@ -115,6 +132,22 @@ def couples(stage: Stage, gain: Gain) -> bool:
     """Whether a shared drive moves either of its joints; whatever is none does."""
     moved = float(stage.torque_shares(gain).max())
     return gain.candidate.family.effect != COUPLING or moved > LEAST_COUPLED
+
+
+def warms(stage: Stage, each: Candidate, coefficients: Array) -> bool:
+    """Whether friction that warms falls in these runs, however much it would; whatever is none does.
+
+    coefficients: (2,) of its viscous and Coulomb part.
+    """
+    joint = each.family.joint
+    if each.family.effect != WARMING or joint is None:
+        return True
+    lost = np.concatenate([run[:, 0] @ coefficients for run in each.filtered])
+    friction = [
+        run.filtered(run.logged.friction[:, [joint]] - run.logged.table[joint, OFFSET_TORQUE], [joint])
+        for run in stage.prepared.runs
+    ]
+    return bool(np.mean(lost**2) > WARMED**2 * np.mean(np.concatenate(friction) ** 2))
 
 
 def judged_again(

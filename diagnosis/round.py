@@ -15,7 +15,7 @@ from .candidates import EVENT, SATURATION
 from .contact import contact, explains_all_bursts, is_in_bursts_at_several
 from .evidence import Fit
 from .healthy import ELASTIC, RIPPLE, is_beyond_healthy, is_plausible
-from .hypothesis import DELAY, Design
+from .hypothesis import Design
 from .likelihood import Weighed, gained_by_shift, weigh
 from .linearisation import bends_parameters
 from .materiality import OF_ENCODER, SMALLEST_GAIN, SMALLEST_WALD, is_material
@@ -143,7 +143,7 @@ class Search:
             if (pushed := push()) is not None and _is_likelier_there(pushed.best, clipped):
                 return pushed
             return Found(clipped, (), stage.with_effects([clipped.candidate]))
-        if material and (chosen := choose(self.sized, stage, material, weighed)) is not None:
+        if material and (chosen := choose(self.sized, stage, material, weighed, self.without)) is not None:
             return Found(*chosen)
         if (pushed := push()) is not None:
             return pushed
@@ -165,7 +165,7 @@ class Search:
 
     def _late(self, stage: Stage, weighed: Sequence[Weighed], before: Sequence[Accepted]) -> Found | None:
         """A delay that the timing of the log makes up for, of a robot without any imperfection."""
-        delay = next((w for w in weighed if w.candidate.family.effect == DELAY), None)
+        delay = next((w for w in weighed if w.candidate.is_common_delay), None)
         others = [w for w in weighed if w is not delay]
         if delay is None or not are_joints_own(before) or not is_late_alone(stage, others):
             return None
@@ -181,7 +181,7 @@ class Search:
         # Of a grid the nearest shape has another size.
         if not self._is_seen(stage, refined(self.sized, stage, weighed[0])):
             return None
-        chosen = choose(self.sized, stage, weighed, weighed)
+        chosen = choose(self.sized, stage, weighed, weighed, self.without)
         if chosen is None or not self._is_seen(stage, chosen[0]):
             return None
         best, rivals, trial = chosen

@@ -5,16 +5,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from testbench.effects import effect
 from testbench.effects.cable_spring import HARDENING
 from testbench.effects.signature import Family, Member
 from testbench.robot import Robot
 
 from .bank import Bank
-from .candidates import Candidate, candidate
+from .candidates import DELAY, Candidate, candidate
 from .delay import likeliest_delay
 from .evidence import Fit
-from .healthy import BRISTLES, CABLE, ELASTIC, RIPPLE, SPRINGS, is_plausible, quantities
-from .hypothesis import DELAY, Design
+from .healthy import BRISTLES, CABLE, ELASTIC, LAG, RIPPLE, SPRINGS, is_plausible, quantities
+from .hypothesis import Design
 from .likeliest_shapes import at_likeliest_shape, is_searched
 from .likelihood import Weighed, gained, likeliest_of, log_likelihood, log_posterior, odds, price
 from .linearisation import TRANSMISSIONS, bends_parameters, linearised_anew
@@ -36,7 +37,8 @@ ITS_OWN = 0.6, 1.6
 # much.
 WORTH_A_LAW = 0.8
 # Log-posterior of all runs together, less its price, by which a cable surely hardens, or a wave is more than
-# one: first moments take up much of any, and bent parameters foretell left-out runs by chance.
+# one: first moments take up much of any, and bent parameters foretell left-out runs by chance. And the
+# log-likelihood by which a joint's torque is surely late, as a bus is, and does not lag, as a drive does.
 SURELY = 10.0
 # Log-posterior of all runs together that outweighs any that runs left out lose.
 EVIDENCE_AGAINST_RUNS = 30.0
@@ -46,7 +48,11 @@ STEP, TRIED, MORE_TRIED = 0.12, 14, 50
 
 
 def choose(
-    robot: Robot, stage: Stage, material: Sequence[Weighed], open_: Sequence[Weighed]
+    robot: Robot,
+    stage: Stage,
+    material: Sequence[Weighed],
+    open_: Sequence[Weighed],
+    without: Sequence[str] = (),
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
     """The shortlist refined and compared by one set of weights: the best, fitted in full, and its rivals.
 
@@ -54,7 +60,7 @@ def choose(
 
     A rival is what has little left to explain once the best is in; anything else is another effect. robot:
     that sizes are relative to. material, open_: best first; of the second, what fits a listed effect's joint
-    best is listed too, and beside a spring the joint's other one.
+    best is listed too, and beside a spring the joint's other one. without: effects out of the catalogue.
     """
     likeliest = material[:SHORTLIST]
     fitting = [each for w in likeliest for each in _that_fit(w, open_)]
@@ -65,11 +71,13 @@ def choose(
     shortlist += [
         _by_its_law(robot, stage, refined(robot, stage, each)) for each in _other_springs(shortlist, open_)
     ]
+    if DELAY not in without:
+        shortlist += _late_alone(robot, stage, shortlist)
     listed = [weighed.candidate for weighed in shortlist]
     compared = [stage.compared(each) for each in listed]
     # Of many shapes one is the likelier to fit by chance.
     foretold = [
-        log_likelihood(*trial) - float(np.log(each.shapes))
+        log_likelihood(*trial) - float(np.log(each.shapes)) - (SURELY if each.is_late_alone else 0.0)
         for each, trial in zip(listed, compared, strict=True)
     ]
     likelihoods = _by_all_runs(listed, compared, foretold)
@@ -104,7 +112,7 @@ def _is_told_by_all_runs(stage: Stage, trial: tuple[Design, Fit]) -> bool:
     near its size, and nothing the delay, so that this tells it from the timing by any evidence.
     """
     last = trial[0].accepted[-1]
-    is_delay = last.family.effect == DELAY
+    is_delay = last.is_common_delay
     if not is_delay and not bends_parameters(last.family):
         return False
     least = 0.0 if is_delay else EVIDENCE_AGAINST_RUNS
@@ -185,6 +193,14 @@ def _other_springs(shortlist: Sequence[Weighed], open_: Sequence[Weighed]) -> li
         return []
     listed = {each.candidate.place for each in shortlist}
     return [w for w in open_ if w.candidate.family.effect == ELASTIC and w.candidate.place not in listed]
+
+
+def _late_alone(robot: Robot, stage: Stage, shortlist: Sequence[Weighed]) -> list[Weighed]:
+    """Delays of one joint alone, of those whose drives may lag: slow motion hardly tells which."""
+    logged = [run.logged for run in stage.prepared.runs]
+    lags = [each.candidate.family for each in shortlist if each.candidate.family.effect == LAG]
+    families = [effect(DELAY).signature(logged, lag.joint, None) for lag in lags]
+    return [late for each in families for late in _best_of(robot, stage, each, each.members)]
 
 
 def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
@@ -284,7 +300,7 @@ def refined(robot: Robot, stage: Stage, weighed: Weighed, tried: int = TRIED) ->
     prepared, family = stage.prepared, weighed.candidate.family
     if family.member is None or not searched_for(weighed.candidate):
         return weighed
-    if family.effect == DELAY:
+    if weighed.candidate.is_common_delay:
         # Beside the log's timing any size seems to do; its column is exact at its own alone.
         delay, _ = likeliest_delay(stage.hypothesis, stage.fitted)
         gain = stage.gain(candidate(prepared, family, family.member({"difference": delay})))

@@ -13,7 +13,7 @@ from .candidates import FREE
 from .evidence import fit, is_extrapolated, squares
 from .generic import RUN_TIME
 from .healthy import SPRINGS, is_beyond_healthy
-from .hypothesis import DELAY, LATE, design
+from .hypothesis import LATE, design
 from .likelihood import Weighed, weigh
 from .localisation import regime_shares
 from .noise import noise
@@ -163,7 +163,7 @@ def _of_timing(last: Stage) -> Iterator[Unclaimed]:
     Torque that is logged late, through a filter, is the log's, not the robot's.
     """
     hypothesis = last.hypothesis
-    delayed = any(each.family.effect == DELAY for each in hypothesis.accepted)
+    delayed = any(each.is_common_delay for each in hypothesis.accepted)
     if delayed or last.timing > -LATE:
         return
     in_time = squares(

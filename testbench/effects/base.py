@@ -39,7 +39,8 @@ class EffectDescription:
     scope: where it acts. parameters: in the order of the contract. laws: the variants simulation
     offers, the default first. confused_with: names of effects that look alike. loads: it acts behind the
     gearboxes, which carry its torque. hinges_only: its law is of an angle. of_friction: its columns are made
-    of the joints' friction as far as that is known.
+    of the joints' friction as far as that is known. or_of_one_joint: an effect of the whole robot that one
+    joint may have alone.
     """
 
     name: str
@@ -53,6 +54,7 @@ class EffectDescription:
     loads: bool = False
     hinges_only: bool = False
     of_friction: bool = False
+    or_of_one_joint: bool = False
 
 
 @dataclass(frozen=True)

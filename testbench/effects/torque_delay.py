@@ -1,4 +1,4 @@
-"""Torque delay: every joint's torque acts later than it is reported."""
+"""Torque delay: every joint's torque, or that of one alone, acts later than it is reported."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -17,13 +17,14 @@ Array = NDArray[np.float64]
 DESCRIPTION = EffectDescription(
     name="torque_delay",
     title="Torque delay",
-    law="true torque(t) = reported torque(t - delay), the same delay on every joint",
+    law="true torque(t) = reported torque(t - delay), the same delay on every joint, or on one alone",
     reference='Östring, Gunnarsson & Norrlöf, "Closed-loop identification of an industrial robot '
     'containing flexibilities", Control Engineering Practice 11(3), 2003',
     scope=Scope.ROBOT,
     parameters=(EffectParameter("delay", "s", 0.0, 0.05, (0.0002, 0.01)),),
     confused_with=("actuator_lag", "joint_elasticity"),
     of_friction=True,
+    or_of_one_joint=True,
 )
 
 # Seconds. The difference over one of them tells delays up to this factor from it.
@@ -38,8 +39,13 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     nearest = round(steps)
     steps = float(nearest) if abs(steps - nearest) < 1e-9 * max(nearest, 1) else steps
     size = int(steps) + 2
-    joints = range(simulated.robot.joints)
+    joints = _delayed(simulated.robot.joints, injection.joint)
     return Action(tuple(hook(Stage.DRIVE, _delay, joint, (steps, size), size) for joint in joints))
+
+
+def _delayed(joints: int, joint: int | None) -> tuple[int, ...]:
+    """The joints of so many whose torque is late: all, or this one."""
+    return tuple(range(joints)) if joint is None else (joint,)
 
 
 @hook_kernel
@@ -59,18 +65,18 @@ def _delay(bus: int, parameters: int, state: int, joint: int) -> None:
 
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """reported(t) = predicted(t + delay): its difference over a delay, so that c is the delay."""
-    smallest = DESCRIPTION.parameters[0].lower
+    smallest, rows = DESCRIPTION.parameters[0].lower, _delayed(runs[0].joints, joint)
 
     def member(shape: Mapping[str, float]) -> Member:
         return Member(
             shape=dict(shape),
-            rows=tuple(range(runs[0].joints)),
-            columns=tuple(_difference(run, shape["difference"])[:, :, None] for run in runs),
+            rows=rows,
+            columns=tuple(_difference(run, rows, shape["difference"])[:, :, None] for run in runs),
             lower=np.array([shape["difference"] / NEAR if shape["difference"] > GRID[0] else smallest]),
             upper=np.array([shape["difference"] * NEAR]),
         )
 
-    return grid_family(DESCRIPTION.name, None, member, {"difference": GRID}, _parameters)
+    return grid_family(DESCRIPTION.name, joint, member, {"difference": GRID}, _parameters)
 
 
 def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
@@ -79,18 +85,18 @@ def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quanti
     return {"delay": Quantity(float(c[0]), std, "s")}
 
 
-def _difference(run: Logged, delay: float) -> Array:
-    """(predicted(t + delay) - predicted(t)) / delay, (N, n); the last sample is held."""
-    instants = np.arange(run.samples)
-    ahead = [np.interp(instants + delay * run.sample_rate, instants, torque) for torque in run.predicted.T]
-    return (np.column_stack(ahead) - run.predicted) / delay
+def _difference(run: Logged, joints: Sequence[int], delay: float) -> Array:
+    """(predicted(t + delay) - predicted(t)) / delay of r joints, (N, r); the last sample is held."""
+    instants, predicted = np.arange(run.samples), run.predicted[:, joints]
+    ahead = [np.interp(instants + delay * run.sample_rate, instants, torque) for torque in predicted.T]
+    return (np.column_stack(ahead) - predicted) / delay
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
     """The motors' history buffers."""
     delay = injection.values["delay"]
     step = robot.model.opt.timestep
-    for joint in range(robot.joints):
+    for joint in _delayed(robot.joints, injection.joint):
         motor = drive(spec, robot, joint)
         motor.delay = delay
         motor.nsample = int(np.ceil(delay / step)) + 1 if delay > 0 else 0
