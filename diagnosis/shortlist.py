@@ -197,6 +197,9 @@ def _other_springs(shortlist: Sequence[Weighed], open_: Sequence[Weighed]) -> li
 
 def _late_alone(robot: Robot, stage: Stage, shortlist: Sequence[Weighed]) -> list[Weighed]:
     """Delays of one joint alone, of those whose drives may lag: slow motion hardly tells which."""
+    # Of a robot of one joint every delay is common.
+    if stage.prepared.joints == 1:
+        return []
     logged = [run.logged for run in stage.prepared.runs]
     lags = [each.candidate.family for each in shortlist if each.candidate.family.effect == LAG]
     families = [effect(DELAY).signature(logged, lag.joint, None) for lag in lags]

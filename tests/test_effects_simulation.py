@@ -151,6 +151,8 @@ def halving(arm: Robot, effect: Injection) -> float:
         ("backlash:lift:gap", "key=value"),
         ("backlash:lift:law=soft", "soft_contact"),
         ("base_tilt:lift", "whole robot"),
+        ("torque_delay:elbow", "turn, lift, bend"),
+        ("torque_delay:lift:into=turn", "no pair"),
         ("joint_coupling:lift", "another joint"),
         ("joint_coupling:lift:into=lift", "another joint"),
     ],

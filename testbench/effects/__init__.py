@@ -72,7 +72,7 @@ def injection(
     first, second = _joint(robot, name, joint), _joint(robot, name, into)
     if description.scope is Scope.ROBOT:
         anywhere = joint is None or (description.or_of_one_joint and first is not None)
-        _require(name, "joint", "none, it acts on the whole robot", joint, anywhere and into is None)
+        _require(name, "joint", "none, it acts on the whole robot", joint, anywhere)
     else:
         _require(name, "joint", "a joint", joint, first is not None, robot.joint_names)
         if description.hinges_only and first is not None and robot.chain.is_slide[first]:
@@ -83,7 +83,7 @@ def injection(
     if description.scope is Scope.PAIR:
         _require(name, "into", "another joint", into, second not in (None, first), robot.joint_names)
     else:
-        _require(name, "into", "nothing, it acts on one joint", into, into is None)
+        _require(name, "into", "nothing, it acts on no pair of joints", into, into is None)
     chosen = description.laws[0] if law is None else law
     _require(name, "law", "one of its laws", repr(chosen), chosen in description.laws, description.laws)
     known = {parameter.name: parameter for parameter in description.parameters}

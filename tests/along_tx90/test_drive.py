@@ -46,6 +46,17 @@ def test_a_delay_shifts_a_ramp_by_itself(arm, delay):
     np.testing.assert_allclose(out[50:], ramp[50:] - 5.0 * delay, atol=1e-12)
 
 
+def test_a_joint_may_be_late_alone(arm):
+    ramp = 5.0 * STEP_SIZE * np.arange(200)
+    out = driven(arm, "torque_delay", 2, {"delay": 0.003}, "default", ramp)
+    np.testing.assert_allclose(out[50:], ramp[50:] - 5.0 * 0.003, atol=1e-12)
+    simulated = SimulatedRobot(arm, STEP_SIZE, RATE, np.ones(arm.joints))
+    acting = effect("torque_delay").action(
+        Injection("torque_delay", 2, {"delay": 0.003}, "default"), simulated
+    )
+    assert [each.joint for each in acting.hooks] == [2]
+
+
 @pytest.mark.parametrize("law", ["first_order", "second_order"])
 def test_a_lag_answers_as_its_transfer_function(arm, law):
     time_constant, rng = 0.003, np.random.default_rng(0)
@@ -122,6 +133,13 @@ def test_a_common_delay_is_explained(arm, motion, exact):
     share, index = explained(exact, family, change)
     assert share > 0.9
     assert fitted(exact, family, change, index)["delay"].value == pytest.approx(delay, rel=0.15)
+
+
+def test_a_delay_of_one_joint_is_the_common_ones_share_of_it(exact):
+    own, common = (effect("torque_delay").signature([exact], joint, None) for joint in (2, None))
+    for one, all_ in zip(own.members, common.members, strict=True):
+        assert one.rows == (2,)
+        np.testing.assert_array_equal(one.columns[0], all_.columns[0][:, [2]])
 
 
 @pytest.mark.parametrize(("law", "member"), [("first_order", 0), ("second_order", 2)])
