@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from identification.differentiation import differentiate
 from identification.errors import InputError
+from identification.filtering import zero_phase_lowpass
 from identification.models import POSITION_BAND
 from testbench.effects import effect
 from testbench.effects.signature import Logged
@@ -25,11 +26,16 @@ from testbench.simulation.controller import feedforward
 from testbench.torque_lag import TorqueLag
 
 from .correction import Corrected, Term, read_correction
+from .healthy import LAG
+from .linearisation import TRANSMISSIONS
 from .preparation import filter_cutoff
 
 Array = NDArray[np.float64]
 
 DOCUMENT = "diagnosis.json"
+# What is made of derivatives, or strikes: above the band of the motion nothing of it is known, as it would be
+# where Coulomb friction jumps there, or teeth land.
+FAST = (*TRANSMISSIONS, LAG)
 # rad/s (m/s), w of fc tanh(v / w) where friction jumps with the speed's sign: of a joint at rest that sign is
 # the encoder's noise, and none of its friction is foretold.
 AT_REST = 0.005
@@ -141,7 +147,10 @@ def term_torque(term: Term, logged: Logged) -> Array:
     if member is None or member.count != len(term.coefficients):
         return np.zeros_like(logged.q)
     # einsum, not a BLAS product: its sums do not depend on the number of threads.
-    return np.einsum("tjk,k->tj", member.spread(0, logged.joints), term.coefficients)
+    torque = np.einsum("tjk,k->tj", member.spread(0, logged.joints), term.coefficients)
+    if term.effect not in FAST:
+        return torque
+    return zero_phase_lowpass(torque, logged.sample_rate, logged.cutoff)
 
 
 def logged_motion(model: Corrected, recording: Recording) -> Logged:

@@ -92,6 +92,20 @@ def test_every_effect_of_the_catalogue_can_be_predicted(
         assert np.any(torque != 0)
 
 
+@pytest.mark.parametrize(
+    ("name", "shape"), [("actuator_lag", {}), ("backlash", {"gap": 0.003, "contact": 60.0})]
+)
+def test_nothing_is_foretold_above_the_band_of_the_motion(
+    answer: Diagnosis, runs: dict[str, Recording], name: str, shape: dict[str, float]
+) -> None:
+    """A joint's friction jumps as it turns, which the derivative of a smooth motion has nothing against."""
+    logged = logged_motion(corrected_model(answer), runs["run_3"])
+    torque = term_torque(Term(name, 0, None, shape, np.ones(1)), logged)
+    power = np.abs(np.fft.rfft(torque * np.hanning(len(torque))[:, None], axis=0)) ** 2
+    above = np.fft.rfftfreq(len(torque), 1 / logged.sample_rate) > 2.5 * logged.cutoff
+    assert power[above].sum() < 1e-4 * power.sum()
+
+
 def test_a_joint_at_rest_has_no_friction_foretold_and_its_counts_are_no_lost_samples(
     answer: Diagnosis, runs: dict[str, Recording]
 ) -> None:
