@@ -197,13 +197,27 @@ def _other_springs(shortlist: Sequence[Weighed], open_: Sequence[Weighed]) -> li
 
 def _late_alone(robot: Robot, stage: Stage, shortlist: Sequence[Weighed]) -> list[Weighed]:
     """Delays of one joint alone, of those whose drives may lag: slow motion hardly tells which."""
-    # Of a robot of one joint every delay is common.
-    if stage.prepared.joints == 1:
+    # Of a robot of one joint every delay is common, and where one is known the rest is a drive's.
+    if stage.prepared.joints == 1 or any(each.is_common_delay for each in stage.hypothesis.accepted):
         return []
-    logged = [run.logged for run in stage.prepared.runs]
-    lags = [each.candidate.family for each in shortlist if each.candidate.family.effect == LAG]
-    families = [effect(DELAY).signature(logged, lag.joint, None) for lag in lags]
-    return [late for each in families for late in _best_of(robot, stage, each, each.members)]
+    logged, found = [run.logged for run in stage.prepared.runs], []
+    for lag in (each.candidate for each in shortlist if each.candidate.family.effect == LAG):
+        family = effect(DELAY).signature(logged, lag.family.joint, None)
+        late = _best_of(robot, stage, family, family.members)
+        found += [each for each in late if not _lags_behind_all(stage, lag, each.candidate)]
+    return found
+
+
+def _lags_behind_all(stage: Stage, lag: Candidate, late: Candidate) -> bool:
+    """Whether a lag beside a delay of all joints is likelier than one joint that is late alone."""
+    prepared, trial = stage.prepared, stage.with_effects([lag])
+    delay, _ = likeliest_delay(*trial)
+    family = effect(DELAY).signature([run.logged for run in prepared.runs], None, None)
+    if delay <= 0 or family.member is None:
+        return False
+    common = candidate(prepared, family, family.member({"difference": delay}))
+    both = log_posterior(*stage.with_effects([lag, common])) - price(trial[0], common)
+    return both > log_posterior(*stage.with_effects([late]))
 
 
 def _by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
