@@ -96,11 +96,9 @@ def accepted_as(
     beyond = beyond and all(is_beyond_healthy(sized, torque_rms, *each) for each in as_well)
     share = float(stage.shares(best.gain).max())
     beyond = (obvious or beyond) and not (is_excessive(sized, *own, share) or moves_little(torque_rms, *own))
-    beyond = beyond and couples(stage, best.gain) and warms(stage, *own)
     shift = gained_by_shift(stage, best.gain)
-    # A zero that lies elsewhere has bent the parameters.
-    beyond = beyond and not (best.candidate.family.effect == OFFSET and shift < 0)
-    beyond = beyond and not (best.candidate.family.effect == CABLE and share < FORETOLD_BY_CABLE)
+    beyond = beyond and couples(stage, best.gain) and warms(stage, *own)
+    beyond = beyond and is_borne_out(best.candidate.family.effect, share, shift)
     # What a push leaves is where it was.
     firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
     main = alone or is_main(sized, apart, stage, best, firsts, rest)
@@ -132,6 +130,14 @@ def couples(stage: Stage, gain: Gain) -> bool:
     """Whether a shared drive moves either of its joints; whatever is none does."""
     moved = float(stage.torque_shares(gain).max())
     return gain.candidate.family.effect != COUPLING or moved > LEAST_COUPLED
+
+
+def is_borne_out(name: str, share: float, shift: float) -> bool:
+    """Whether an offset has bent the parameters, or a cable foretells something; what is neither needs not.
+
+    share: foretold of the rest. shift: log-likelihood that the parameters' shift spares with it.
+    """
+    return shift >= 0 if name == OFFSET else share >= FORETOLD_BY_CABLE or name != CABLE
 
 
 def warms(stage: Stage, each: Candidate, coefficients: Array) -> bool:

@@ -27,6 +27,7 @@ from diagnosis.naming import (
     as_fitted_at_last,
     closed_without_a_name,
     couples,
+    is_borne_out,
     names_that_hold,
     pushes_that_hold,
 )
@@ -370,3 +371,17 @@ def test_what_is_far_louder_than_the_noise_is_unknown_however_fast(arm, band, ve
         torque[:, 1] += 0.05 * torque[:, 1].std() * loud / loud.std() / passed
         runs[name] = replace(run, torque=torque, torque_command=None)
     assert diagnose(arm, runs).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("name", "share", "shift", "is_named"),
+    [
+        ("encoder_offset", 0.03, 2.0, True),
+        ("encoder_offset", 0.9, -2.0, False),
+        ("cable_spring", 0.05, 31.0, False),
+        ("cable_spring", 0.2, -2.0, True),
+        ("gravity_spring", 0.05, -2.0, True),
+    ],
+)
+def test_an_offset_bends_the_parameters_and_a_cable_foretells_something(name, share, shift, is_named):
+    assert is_borne_out(name, share, shift) == is_named
