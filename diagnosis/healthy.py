@@ -132,9 +132,14 @@ def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, c
         if not resolved or coefficients[0] < SMALLEST_LEVEL * scale_of("coulomb", robot, joint):
             return False
     # Of both the only coefficient, s.
-    if (name == LAG or candidate.is_late_alone) and coefficients[0] < OF_SAMPLE * candidate.sample_time:
+    if is_one_drives(candidate) and coefficients[0] < OF_SAMPLE * candidate.sample_time:
         return False
     return times_healthy(robot, torque_scale, candidate, coefficients) > 1
+
+
+def is_one_drives(candidate: Candidate) -> bool:
+    """Whether it has the torque of one drive act late, by a lag or by a delay of its own."""
+    return candidate.family.effect == LAG or candidate.is_late_alone
 
 
 def moves_little(torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:

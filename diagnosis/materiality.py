@@ -16,6 +16,7 @@ from .candidates import DELAY, Candidate
 from .healthy import (
     BENDING,
     ELASTIC,
+    LAG,
     OF_THE_LOAD,
     OFFSET,
     RIPPLE,
@@ -75,7 +76,7 @@ OF_THE_JOINT = (
     "thermal_friction_drift",
     "joint_coupling",
     "backlash",
-    "actuator_lag",
+    LAG,
 )
 OF_ENCODER = (OFFSET, "encoder_eccentricity")
 OBVIOUS: Mapping[str, tuple[tuple[float, float], ...]] = {
@@ -184,7 +185,8 @@ def _is_beyond(robot: Robot, stage: Stage, candidate: Candidate, coefficients: A
 
 def is_obvious(robot: Robot, stage: Stage, gain: Gain) -> bool:
     """Whether it takes more torque off its joint's error than any healthy robot would have there."""
-    levels = OBVIOUS.get(gain.candidate.family.effect, ())
+    name = LAG if gain.candidate.is_late_alone else gain.candidate.family.effect
+    levels = OBVIOUS.get(name, ())
     if not levels or not _is_beyond(robot, stage, gain.candidate, gain.coefficients / OF_HEALTHY):
         return False
     own = list(gain.candidate.member.rows)
