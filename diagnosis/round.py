@@ -16,12 +16,13 @@ from .contact import contact, explains_all_bursts, is_in_bursts_at_several
 from .evidence import Fit
 from .healthy import ELASTIC, RIPPLE, is_beyond_healthy, is_plausible
 from .hypothesis import Design
+from .laws import refined
 from .likelihood import Weighed, gained_by_shift, weigh
 from .linearisation import bends_parameters
 from .materiality import OF_ENCODER, SMALLEST_GAIN, SMALLEST_WALD, is_material
 from .ripple_peaks import ripple_candidates
 from .saturation import Cut, saturation
-from .shortlist import choose, refined
+from .shortlist import choose
 from .swallowed import swallowed
 from .unclaimed import unclaimed
 from .weighing import Gain, Stage

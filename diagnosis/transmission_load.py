@@ -11,9 +11,9 @@ from testbench.robot import Robot
 from .evidence import Fit, fitted_to
 from .ground import ground
 from .hypothesis import Design
+from .laws import MORE_TRIED, refined
 from .likelihood import Weighed, gained, log_posterior
 from .linearisation import TRANSMISSIONS, linearised_anew
-from .shortlist import MORE_TRIED, refined
 from .weighing import Stage
 
 # What the log-posterior of all runs together moves by where the runs are linearised anew, once they have

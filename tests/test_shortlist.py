@@ -2,7 +2,7 @@
 
 import pytest
 
-from diagnosis import shortlist
+from diagnosis import laws, shortlist
 from diagnosis.bank import Bank
 from diagnosis.candidates import candidates
 from diagnosis.evidence import fitted_to
@@ -38,7 +38,7 @@ def test_what_left_out_runs_leave_at_the_wrong_shape_is_moved_by_all_runs_togeth
     cables = [each for each in candidates(prepared, only=["cable_spring"]) if each.family.joint == 1]
     (proposed,) = weigh(stage, Bank(stage.ground, cables))
     # Left-out runs look no further than this.
-    monkeypatch.setattr(shortlist, "search", lambda *found: None)
+    monkeypatch.setattr(laws, "search", lambda *found: None)
     chosen = choose(arm, stage, [proposed], [proposed])
     assert chosen is not None
     wanted = {"friction": pytest.approx(0.2, rel=0.1), "yields": pytest.approx(0.1, rel=0.2)}

@@ -147,10 +147,12 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         doubling = float(np.clip(share * load / spring["stiffness"], *DOUBLING))
         return {**spring, "doubling_windup": doubling}
 
-    def hardly(spring: Mapping[str, float]) -> dict[str, float]:
+    def hardly_hardening(plain: Member) -> tuple[Member, ...]:
+        if plain.law == HARDENING:
+            return ()
         # By the describing function of a cubic spring, as stiff as the one that does not harden.
-        less = spring["stiffness"] / (1 + 1.5 / HARDLY**2)
-        return {**hardening(spring, HARDLY), "stiffness": float(np.clip(less, *stiffnesses))}
+        less = float(np.clip(plain.shape["stiffness"] / (1 + 1.5 / HARDLY**2), *stiffnesses))
+        return (member({**hardening(plain.shape, HARDLY), "stiffness": less}),)
 
     # Hardening that the load makes felt, wherever that is.
     felt = [
@@ -169,7 +171,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
             "doubling_windup": DOUBLING,
         },
         member=member,
-        richer=lambda plain: (member(hardly(plain.shape)),),
+        richer=hardly_hardening,
     )
 
 
