@@ -19,8 +19,7 @@ from .shape_search import search, searched_for
 from .weighing import Stage
 
 # Log-posterior of all runs together, less its price, by which a cable surely hardens, or a wave is more than
-# one: first moments take up much of any, and bent parameters foretell left-out runs by chance. And the
-# log-likelihood by which a joint's torque is surely late, as a bus is, and does not lag, as a drive does.
+# one: first moments take up much of any, and bent parameters foretell left-out runs by chance.
 SURELY = 10.0
 # First step of a refinement, as a share of the shape's range, and how many shapes are tried; where several go
 # together, more of what is taken in.

@@ -32,6 +32,9 @@ ITS_OWN = 0.6, 1.6
 # Another law of a play, a spring or bristles is tried where one explains this share of the most: it may do as
 # much.
 WORTH_A_LAW = 0.8
+# A joint's torque is surely late, as a bus is, and does not lag, as a drive does, where that is likelier by
+# this share of what it explains, too: no loop is quite of first or second order.
+SURELY_LATE = 0.05
 # Log-posterior of all runs together that outweighs any that runs left out lose.
 EVIDENCE_AGAINST_RUNS = 30.0
 
@@ -64,9 +67,10 @@ def choose(
         shortlist += late_alone(robot, stage, shortlist)
     listed = [weighed.candidate for weighed in shortlist]
     compared = [stage.compared(each) for each in listed]
+    surely = max(SURELY, SURELY_LATE * max(weighed.score for weighed in shortlist))
     # Of many shapes one is the likelier to fit by chance.
     foretold = [
-        log_likelihood(*trial) - float(np.log(each.shapes)) - (SURELY if each.is_late_alone else 0.0)
+        log_likelihood(*trial) - float(np.log(each.shapes)) - (surely if each.is_late_alone else 0.0)
         for each, trial in zip(listed, compared, strict=True)
     ]
     likelihoods = _by_all_runs(listed, compared, foretold)

@@ -42,6 +42,8 @@ DESCRIPTION = EffectDescription(
 _, SECOND_ORDER = DESCRIPTION.laws
 # s: time constants of two stages together, of which a column is made; shorter ones are as good as one stage.
 TWO_STAGES = (0.006, 0.012, 0.024)
+# Their damping ratio, and that of any current loop.
+ALIKE, DAMPING_RATIOS = 1.0, (0.5, 1.4)
 # And the least and the most that their coefficient may be of it: otherwise they are no two like stages.
 LEAST_ALIKE, MOST_ALIKE = 0.7, 1.4
 
@@ -76,6 +78,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     """reported = true + time_constant · d(true)/dt, the derivative of the predicted torque.
 
     Two stages add time_constant²/4 · d²(true)/dt²: a column for a time constant, with that as coefficient.
+    Of a loop of second order that rings a little it is more: over the square of its damping ratio.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     parameter = DESCRIPTION.parameters[0]
@@ -87,7 +90,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     def two_stages(shape: Mapping[str, float]) -> Member:
         columns = [
-            (rate + shape["of_stages"] / 4 * of_rate)[:, None]
+            (rate + shape["of_stages"] / (2 * shape["damping_ratio"]) ** 2 * of_rate)[:, None]
             for rate, of_rate in zip(rates, second, strict=True)
         ]
         least, most = (np.array([alike * shape["of_stages"]]) for alike in (LEAST_ALIKE, MOST_ALIKE))
@@ -97,9 +100,12 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,
-        members=(one_stage, *(two_stages({"of_stages": each}) for each in TWO_STAGES)),
+        members=(
+            one_stage,
+            *(two_stages({"of_stages": each, "damping_ratio": ALIKE}) for each in TWO_STAGES),
+        ),
         parameters=coefficients_as_named(DESCRIPTION, ("time_constant",)),
-        refine={"of_stages": (TWO_STAGES[0], 2 * TWO_STAGES[-1])},
+        refine={"of_stages": (TWO_STAGES[0], 2 * TWO_STAGES[-1]), "damping_ratio": DAMPING_RATIOS},
         member=two_stages,
     )
 
