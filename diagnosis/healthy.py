@@ -31,6 +31,7 @@ HEALTHY: Mapping[str, float] = {
     # Any joint loses a tenth of its viscous friction as it warms.
     "thermal_friction_drift": 0.5,
     "torque_delay": 12.0,
+    # Joints of one bus are sampled up to a millisecond apart.
     "actuator_lag": 3.0,
     "encoder_eccentricity": 500.0,
     OFFSET: 15.0,
@@ -45,9 +46,8 @@ HEALTHY: Mapping[str, float] = {
     "external_contact": 0.0,
 }
 HEALTHY_ELSE = 0.8
-# Joints of one bus are sampled up to a millisecond apart, or this share of a sample, as all torques of one
-# are reported together, whenever within it they acted. A joint that is late alone is judged as one that lags.
-LAG, OF_SAMPLE, LATE_ALONE = "actuator_lag", 0.4, 4.5
+# And all torques of one sample are reported together, whenever within it they acted.
+LAG, OF_SAMPLE = "actuator_lag", 0.4
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
 # And an encoder that counts in no less than a part of their displacement looks like them.
 BRISTLES, SMALLEST_LEVEL, COUNTS = "presliding_hysteresis", 0.55, 2.5
@@ -131,15 +131,9 @@ def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, c
         resolved = candidate.member.shape["displacement"] > COUNTS * candidate.position_step[joint]
         if not resolved or coefficients[0] < SMALLEST_LEVEL * scale_of("coulomb", robot, joint):
             return False
-    # Of both the only coefficient, s.
-    if is_one_drives(candidate) and coefficients[0] < OF_SAMPLE * candidate.sample_time:
+    if name == LAG and coefficients[0] < OF_SAMPLE * candidate.sample_time:
         return False
     return times_healthy(robot, torque_scale, candidate, coefficients) > 1
-
-
-def is_one_drives(candidate: Candidate) -> bool:
-    """Whether it has the torque of one drive act late, by a lag or by a delay of its own."""
-    return candidate.family.effect == LAG or candidate.is_late_alone
 
 
 def moves_little(torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
@@ -154,8 +148,6 @@ def moves_little(torque_scale: Array, candidate: Candidate, coefficients: Array)
 def times_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
     """How many times the most that a healthy robot has of an effect; arguments as of ``size``."""
     healthy = HEALTHY.get(candidate.family.effect, HEALTHY_ELSE)
-    if candidate.is_late_alone:
-        healthy = LATE_ALONE
     largest = size(robot, torque_scale, candidate, coefficients)
     return largest / healthy if healthy > 0 else np.inf * largest
 

@@ -9,7 +9,7 @@ from testbench.effects.cable_spring import HARDENING
 from testbench.effects.signature import Family, Member
 from testbench.robot import Robot
 
-from .candidates import DELAY, Candidate, candidate
+from .candidates import DELAY, candidate
 from .delay import likeliest_delay
 from .healthy import BRISTLES, CABLE, LAG, RIPPLE, is_plausible, quantities
 from .likelihood import Weighed, gained, likeliest_of, log_likelihood, log_posterior, price
@@ -31,24 +31,10 @@ def late_alone(robot: Robot, stage: Stage, shortlist: Sequence[Weighed]) -> list
     # Of a robot of one joint every delay is common, and where one is known the rest is a drive's.
     if stage.prepared.joints == 1 or any(each.is_common_delay for each in stage.hypothesis.accepted):
         return []
-    logged, found = [run.logged for run in stage.prepared.runs], []
-    for lag in (each.candidate for each in shortlist if each.candidate.family.effect == LAG):
-        family = effect(DELAY).signature(logged, lag.family.joint, None)
-        late = _best_of(robot, stage, family, family.members)
-        found += [each for each in late if not _lags_behind_all(stage, lag, each.candidate)]
-    return found
-
-
-def _lags_behind_all(stage: Stage, lag: Candidate, late: Candidate) -> bool:
-    """Whether a lag beside a delay of all joints is likelier than one joint that is late alone."""
-    prepared, trial = stage.prepared, stage.with_effects([lag])
-    delay, _ = likeliest_delay(*trial)
-    family = effect(DELAY).signature([run.logged for run in prepared.runs], None, None)
-    if delay <= 0 or family.member is None:
-        return False
-    common = candidate(prepared, family, family.member({"difference": delay}))
-    both = log_posterior(*stage.with_effects([lag, common])) - price(trial[0], common)
-    return both > log_posterior(*stage.with_effects([late]))
+    logged = [run.logged for run in stage.prepared.runs]
+    lags = [each.candidate.family for each in shortlist if each.candidate.family.effect == LAG]
+    families = [effect(DELAY).signature(logged, lag.joint, None) for lag in lags]
+    return [late for each in families for late in _best_of(robot, stage, each, each.members)]
 
 
 def by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:

@@ -185,8 +185,7 @@ def _is_beyond(robot: Robot, stage: Stage, candidate: Candidate, coefficients: A
 
 def is_obvious(robot: Robot, stage: Stage, gain: Gain) -> bool:
     """Whether it takes more torque off its joint's error than any healthy robot would have there."""
-    name = LAG if gain.candidate.is_late_alone else gain.candidate.family.effect
-    levels = OBVIOUS.get(name, ())
+    levels = OBVIOUS.get(gain.candidate.family.effect, ())
     if not levels or not _is_beyond(robot, stage, gain.candidate, gain.coefficients / OF_HEALTHY):
         return False
     own = list(gain.candidate.member.rows)

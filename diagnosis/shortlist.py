@@ -10,9 +10,9 @@ from testbench.robot import Robot
 from .bank import Bank
 from .candidates import DELAY, Candidate
 from .evidence import Fit
-from .healthy import ELASTIC, SPRINGS
+from .healthy import ELASTIC, LAG, SPRINGS
 from .hypothesis import Design
-from .laws import MORE_TRIED, SURELY, by_its_law, late_alone, refined
+from .laws import MORE_TRIED, by_its_law, late_alone, refined
 from .likeliest_shapes import at_likeliest_shape, is_searched
 from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price
 from .linearisation import TRANSMISSIONS, bends_parameters, linearised_anew
@@ -32,9 +32,6 @@ ITS_OWN = 0.6, 1.6
 # Another law of a play, a spring or bristles is tried where one explains this share of the most: it may do as
 # much.
 WORTH_A_LAW = 0.8
-# A joint's torque is surely late, as a bus is, and does not lag, as a drive does, where that is likelier by
-# this share of what it explains, too: no loop is quite of first or second order.
-SURELY_LATE = 0.05
 # Log-posterior of all runs together that outweighs any that runs left out lose.
 EVIDENCE_AGAINST_RUNS = 30.0
 
@@ -67,13 +64,12 @@ def choose(
         shortlist += late_alone(robot, stage, shortlist)
     listed = [weighed.candidate for weighed in shortlist]
     compared = [stage.compared(each) for each in listed]
-    surely = max(SURELY, SURELY_LATE * max(weighed.score for weighed in shortlist))
     # Of many shapes one is the likelier to fit by chance.
     foretold = [
-        log_likelihood(*trial) - float(np.log(each.shapes)) - (surely if each.is_late_alone else 0.0)
+        log_likelihood(*trial) - float(np.log(each.shapes))
         for each, trial in zip(listed, compared, strict=True)
     ]
-    likelihoods = _by_all_runs(listed, compared, foretold)
+    likelihoods = _behind_lags(listed, _by_all_runs(listed, compared, foretold))
     first, before = int(np.argmax(likelihoods)), log_likelihood(stage.hypothesis, stage.fitted)
     if len(searched_for(shortlist[first].candidate)) > 1:
         shortlist[first] = refined(robot, stage, shortlist[first], MORE_TRIED)
@@ -144,6 +140,23 @@ def _by_all_runs(
     for index, own in zip(near, exact, strict=True):
         found[index] = likelihoods[first] + own - max(exact)
     return found
+
+
+def _behind_lags(listed: Sequence[Candidate], likelihoods: Sequence[float]) -> list[float]:
+    """The log-likelihoods with no delay of one joint alone likelier than that its drive lags.
+
+    Drives lag, and a bus is late at every joint. As no current loop is quite of first or second order, four
+    right lags of five that were less likely than a delay had its name.
+    """
+    lags = {
+        each.family.joint: own
+        for each, own in zip(listed, likelihoods, strict=True)
+        if each.family.effect == LAG
+    }
+    return [
+        min(own, lags[each.family.joint]) if each.is_late_alone else own
+        for each, own in zip(listed, likelihoods, strict=True)
+    ]
 
 
 def _likelier(robot: Robot, stage: Stage, best: Weighed) -> tuple[Weighed, tuple[Design, Fit]]:

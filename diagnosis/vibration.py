@@ -16,7 +16,7 @@ from testbench.effects.signature import Member
 
 from .accepted import Accepted
 from .candidates import Candidate
-from .healthy import is_one_drives
+from .healthy import LAG
 from .naming import without_one
 from .preparation import Run
 from .spectrum import SMALLEST, kept_rate
@@ -48,7 +48,7 @@ def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
     left, found = share_left(first, last), []
     for place, item in enumerate(accepted):
         joint = item.candidate.family.joint
-        if not item.named or joint is None or not is_one_drives(item.candidate):
+        if not item.named or item.candidate.family.effect != LAG or joint is None:
             continue
         alone = Stage(last.ground, *without_one(last.prepared, accepted, place))
         law = [run @ last.fitted.values[last.hypothesis.parts[place]] for run in item.candidate.filtered]
@@ -64,12 +64,12 @@ def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
 
 
 def without_shaken(accepted: Sequence[Accepted], found: Sequence[Unclaimed]) -> list[Accepted]:
-    """What was taken in, without the late drives that are vibrations: no simulator is right with them.
+    """What was taken in, without the lags that are vibrations: no simulator is right with them.
 
     found: of ``vibrations``, among others.
     """
     shaken = {each.joint for each in found if each.regime == VIBRATION}
-    return [a for a in accepted if a.candidate.family.joint not in shaken or not is_one_drives(a.candidate)]
+    return [a for a in accepted if a.candidate.family.effect != LAG or a.candidate.family.joint not in shaken]
 
 
 def with_its_line(last: Stage, item: Unclaimed) -> Unclaimed:
