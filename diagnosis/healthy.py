@@ -46,8 +46,9 @@ HEALTHY: Mapping[str, float] = {
     "external_contact": 0.0,
 }
 HEALTHY_ELSE = 0.8
-# And all torques of one sample are reported together, whenever within it they acted.
-LAG, OF_SAMPLE = "actuator_lag", 0.4
+# And all torques of one sample are reported together, whenever within it they acted. A delay of one joint
+# alone is judged as a lag of it.
+LAG, OF_SAMPLE, LATE_ALONE = "actuator_lag", 0.4, 4.5
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
 # And an encoder that counts in no less than a part of their displacement looks like them.
 BRISTLES, SMALLEST_LEVEL, COUNTS = "presliding_hysteresis", 0.55, 2.5
@@ -148,6 +149,8 @@ def moves_little(torque_scale: Array, candidate: Candidate, coefficients: Array)
 def times_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
     """How many times the most that a healthy robot has of an effect; arguments as of ``size``."""
     healthy = HEALTHY.get(candidate.family.effect, HEALTHY_ELSE)
+    if candidate.is_late_alone:
+        healthy = LATE_ALONE
     largest = size(robot, torque_scale, candidate, coefficients)
     return largest / healthy if healthy > 0 else np.inf * largest
 
