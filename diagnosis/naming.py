@@ -133,11 +133,13 @@ def couples(stage: Stage, gain: Gain) -> bool:
 
 
 def is_borne_out(name: str, share: float, shift: float) -> bool:
-    """Whether an offset has bent the parameters, or a cable foretells something; what is neither needs not.
+    """Whether an offset has bent the parameters, or a cable foretells something; what is neither need not.
 
     share: foretold of the rest. shift: log-likelihood that the parameters' shift spares with it.
     """
-    return shift >= 0 if name == OFFSET else share >= FORETOLD_BY_CABLE or name != CABLE
+    if name == OFFSET:
+        return shift >= 0
+    return name != CABLE or share >= FORETOLD_BY_CABLE
 
 
 def warms(stage: Stage, each: Candidate, coefficients: Array) -> bool:

@@ -145,8 +145,8 @@ def _by_all_runs(
 def _behind_lags(listed: Sequence[Candidate], likelihoods: Sequence[float]) -> list[float]:
     """The log-likelihoods with no delay of one joint alone likelier than that its drive lags.
 
-    Drives lag, and a bus is late at every joint. As no current loop is quite of first or second order, four
-    right lags of five that were less likely than a delay had its name.
+    Drives lag, and a bus is late at every joint. As no current loop is quite of first or second order, three
+    of five delays that were likelier were lags, and one was neither.
     """
     lags = {
         each.family.joint: own

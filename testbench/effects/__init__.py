@@ -71,8 +71,8 @@ def injection(
     description = effect(name).DESCRIPTION
     first, second = _joint(robot, name, joint), _joint(robot, name, into)
     if description.scope is Scope.ROBOT:
-        anywhere = joint is None or (description.or_of_one_joint and first is not None)
-        _require(name, "joint", "none, it acts on the whole robot", joint, anywhere)
+        allowed = joint is None or description.or_of_one_joint
+        _require(name, "joint", "none, it acts on the whole robot", joint, allowed)
     else:
         _require(name, "joint", "a joint", joint, first is not None, robot.joint_names)
         if description.hinges_only and first is not None and robot.chain.is_slide[first]:

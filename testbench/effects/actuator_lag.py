@@ -42,10 +42,10 @@ DESCRIPTION = EffectDescription(
 _, SECOND_ORDER = DESCRIPTION.laws
 # s: time constants of two stages together, of which a column is made; shorter ones are as good as one stage.
 TWO_STAGES = (0.006, 0.012, 0.024)
-# Their damping ratio, and that of any current loop.
-ALIKE, DAMPING_RATIOS = 1.0, (0.5, 1.4)
 # And the least and the most that their coefficient may be of it: otherwise they are no two like stages.
 LEAST_ALIKE, MOST_ALIKE = 0.7, 1.4
+# The damping ratio of two like stages, and of any current loop.
+ALIKE, DAMPING_RATIOS = 1.0, (0.5, 1.4)
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:

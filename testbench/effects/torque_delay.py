@@ -7,7 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..robot import Robot
-from .action import DRIVE, STEP, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, vector
+from .action import (
+    DRIVE,
+    STEP,
+    Action,
+    SimulatedRobot,
+    Stage,
+    bus_row,
+    hook,
+    hook_kernel,
+    require_joint,
+    vector,
+)
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import drive
 from .signature import Family, Logged, Member, Quantity, grid_family
@@ -44,8 +55,8 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 def _delayed(joints: int, joint: int | None) -> tuple[int, ...]:
-    """The joints of so many whose torque is late: all, or this one."""
-    return tuple(range(joints)) if joint is None else (joint,)
+    """The joints of so many whose torque is late: all, or this one. Raises InputError if it is not there."""
+    return tuple(range(joints)) if joint is None else (require_joint(DESCRIPTION.name, joint, joints),)
 
 
 @hook_kernel
