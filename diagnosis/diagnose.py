@@ -21,11 +21,11 @@ from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
 from .misleading import without_misleading
-from .naming import closed_without_a_name, names_that_hold, pushes_that_hold
 from .noise import noise
 from .preparation import Prepared
 from .recurrence import recurrence
 from .unclaimed import NOTHING, UNTOLD, Unclaimed
+from .unmet import closed_without_a_name, names_that_hold, pushes_that_hold
 
 Array = NDArray[np.float64]
 

@@ -23,15 +23,9 @@ from diagnosis.diagnose import diagnose
 from diagnosis.evidence import fitted_to
 from diagnosis.findings import Gap
 from diagnosis.ground import ground
-from diagnosis.naming import (
-    as_fitted_at_last,
-    closed_without_a_name,
-    couples,
-    is_borne_out,
-    names_that_hold,
-    pushes_that_hold,
-)
+from diagnosis.naming import as_fitted_at_last, couples, is_borne_out
 from diagnosis.preparation import prepare
+from diagnosis.unmet import closed_without_a_name, names_that_hold, pushes_that_hold
 from diagnosis.weighing import Stage
 from identification.parameters import COULOMB
 from testbench.effects import parse_injection
@@ -293,10 +287,10 @@ def test_what_comes_nearest_is_told_with_what_it_leaves(arm, monkeypatch):
     )
     assert [each.effect for each in diagnose(arm, runs).effects] == ["transmission_ripple"]
     # As if it left more than a robot's own law does.
-    monkeypatch.setattr("diagnosis.naming.LEFT_FAR_FROM_NOISE", 0.0)
-    monkeypatch.setattr("diagnosis.naming.MOSTLY_CLOSED", 2.0)
-    monkeypatch.setattr("diagnosis.naming.FAR_FROM_NOISE", 0.0)
-    monkeypatch.setattr("diagnosis.naming.LEAST_UNMET", 0.0)
+    monkeypatch.setattr("diagnosis.unmet.LEFT_FAR_FROM_NOISE", 0.0)
+    monkeypatch.setattr("diagnosis.unmet.MOSTLY_CLOSED", 2.0)
+    monkeypatch.setattr("diagnosis.unmet.FAR_FROM_NOISE", 0.0)
+    monkeypatch.setattr("diagnosis.unmet.LEAST_UNMET", 0.0)
     found = diagnose(arm, runs)
     assert found.verdict == "unknown"
     assert re.match(
