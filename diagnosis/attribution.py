@@ -52,6 +52,9 @@ Array = NDArray[np.float64]
 MOST_EFFECTS, MOST_TERMS = 8, 16
 # What moves the loads of several joints, or a joint against its encoder, as a zero that lies elsewhere does.
 LIKE_ZEROS = ("base_tilt", PAYLOAD, *TRANSMISSIONS)
+# A zero that parameters are taken beside is among the first that are taken in: in 22 of 22 of several
+# generators' robots that have one it was the first or the second.
+FIRST_TAKEN = 3
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
 
@@ -75,8 +78,7 @@ class Attribution:
 
     def takes_in(self, name: str, joint: int) -> bool:
         """Whether an effect is among what was taken in, at this joint."""
-        places = [item.candidate.place[:2] for item in self.accepted]
-        return (name, joint) in places
+        return (name, joint) in _places(self.accepted)
 
 
 def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
@@ -123,6 +125,7 @@ def _grown(
     if prepared.zeros.any() and _is_of_another(prepared, weighed):
         return None
     accepted: list[Accepted] = []
+    zero = _zero_of(prepared) if prepared.zeros.any() else None
     # Beside what was taken in after it, a push is seen more clearly.
     resought = False
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
@@ -138,6 +141,9 @@ def _grown(
         if found is None:
             break
         before, taken_in = stage, found.best.candidate.family
+        firsts = [*_places(accepted), (taken_in.effect, taken_in.joint)]
+        if zero and len(firsts) >= FIRST_TAKEN and zero not in firsts:
+            return None
         hypothesis, fitted = found.trial
         if taken_in.effect in RELINEARISED:
             hypothesis, fitted = linearised_until_settled(sized, hypothesis, fitted)
@@ -187,6 +193,11 @@ def _grown(
     unknown = (*misfits, *imitated, *unmet)
     accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
+
+
+def _places(accepted: Sequence[Accepted]) -> list[tuple[str, int | None]]:
+    """The effects, and their joints, of what was taken in."""
+    return [item.candidate.place[:2] for item in accepted]
 
 
 def _zero_of(prepared: Prepared) -> tuple[str, int]:

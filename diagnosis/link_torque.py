@@ -32,7 +32,8 @@ class LinkTorque:
             if own.sum() > 2 * columns.shape[1] and size > 0:
                 self.bases.append((np.linalg.qr(columns)[0], own, size))
             else:
-                self.bases.append((columns[:, :0], np.zeros_like(own), 1.0))
+                # Too few samples tell nothing.
+                self.bases.append((np.zeros((0, 0)), np.zeros_like(own), 1.0))
 
     def model(self, q: Array) -> Array:
         """The model's torque (M, n) along the motion from other positions (M, n)."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.diagnose import diagnose
+from diagnosis.link_torque import MOST, LinkTorque
 from diagnosis.preparation import prepare
 from diagnosis.report import words
 from diagnosis.torque_scale import beyond_limits, foreign_scales, in_words
@@ -42,6 +43,17 @@ def test_a_factor_that_three_joints_share_is_no_error_of_the_model(tmp_path, fac
     runs = _times(simulated_runs(crane, [], runs=2), [factor] * crane.joints)
     scales = foreign_scales(prepare(crane, runs))
     assert scales == ({joint: pytest.approx(factor, rel=0.02) for joint in range(3)} if found else {})
+
+
+def test_a_joint_that_hardly_moves_tells_nothing_of_its_units(arm, healthy_runs):
+    prepared = prepare(arm, _times(healthy_runs, [0.01, 1.0]))
+    (first, *others), every = prepared.runs, prepared.evenly(MOST)
+    moves = np.arange(len(first.time)) < 2 * every
+    hardly = [replace(first, used=first.used & np.column_stack([moves, np.ones_like(moves)]))]
+    hardly += [replace(run, used=run.used & [False, True]) for run in others]
+    still = LinkTorque(replace(prepared, runs=tuple(hardly)))
+    assert len(still.projected(still.torque)[0]) == 0
+    assert still.left(still.torque)[1] > 0
 
 
 def test_more_torque_than_any_drive_gives_is_told_where_the_model_says_nothing_of_it(arm, healthy_runs):
