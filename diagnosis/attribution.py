@@ -166,7 +166,11 @@ def _grown(
     accepted, hypothesis, fitted = _pruned(base, sized, accepted, hypothesis, fitted)
     if len(kept := without_rests(accepted)) < len(accepted):
         accepted = kept
-        hypothesis, fitted = fitted_to(base.prepared, [a.candidate for a in accepted])
+        # What was shaped beside a rest of its own is not as it is alone.
+        hypothesis, fitted = at_likeliest_shapes(
+            sized, *fitted_to(base.prepared, [a.candidate for a in accepted])
+        )
+        accepted = [replace(a, candidate=c) for a, c in zip(accepted, hypothesis.accepted, strict=True)]
     if SATURATION not in sought.without:
         accepted, hypothesis, fitted = _with_flat_tops(accepted, hypothesis, fitted)
     last = stage if hypothesis is stage.hypothesis else Stage(base, hypothesis, fitted)

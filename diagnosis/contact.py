@@ -88,12 +88,27 @@ def contact(
     # What a limit that clips softly leaves is in bursts, too.
     clipped = stage.hypothesis.joints_with(SATURATION)
     unforetold = [j for j in bursts if foretold[j] < FORETOLD and j not in clipped]
-    pushed = [j for j in unforetold if fitted[j] < FITTED]
-    pushed = pushed or [j for j in unforetold if fitted[j] < MOSTLY_FITTED]
-    least = {j: 1 - LESS_LEFT * (1 - fitted[j]) for j in pushed if fitted[j] >= FITTED}
-    # So is what bristles leave that were bent when a run began.
-    if stage.hypothesis.joints_with(BRISTLES).issuperset(pushed):
-        return None
+    before: list[int] = []
+    for most in (FITTED, MOSTLY_FITTED):
+        pushed = [j for j in unforetold if fitted[j] < most]
+        least = {j: 1 - LESS_LEFT * (1 - fitted[j]) for j in pushed if fitted[j] >= FITTED}
+        # So is what bristles leave that were bent when a run began.
+        if pushed == before or stage.hypothesis.joints_with(BRISTLES).issuperset(pushed):
+            continue
+        if (found := _likeliest(stage, pushed, least, bursts, noise)) is not None:
+            return found
+        before = pushed
+    return None
+
+
+def _likeliest(
+    stage: Stage,
+    pushed: Sequence[int],
+    least: Mapping[int, float],
+    bursts: Mapping[int, set[tuple[int, int]]],
+    noise: Array,
+) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
+    """As of ``contact``, of a push that these joints bear. least, bursts, noise: as of ``_fitted``."""
     # A force loads the joints before its link, though perhaps with no arm on the last; others may shake.
     together = [j for j in pushed if _are_together(bursts[j], bursts[pushed[0]])]
     last = together[-1]

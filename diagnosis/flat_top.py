@@ -16,7 +16,7 @@ from testbench.effects import effect
 from testbench.effects.logged import Logged
 
 from .candidates import SATURATION, Candidate, candidate
-from .preparation import Prepared
+from .preparation import DEAD_ZONE, Prepared
 
 Array = NDArray[np.float64]
 
@@ -121,10 +121,13 @@ def _is_held_back(runs: Sequence[Logged], joint: int, top: _Top) -> bool:
         return False
     still = []
     for s, run, inside in zip(sign, runs, top.inside, strict=True):
-        q, dq = run.q[inside], run.dq[inside]
+        # At rest friction has any size and sign.
+        moves = np.abs(run.dq[:, joint]) > DEAD_ZONE
+        q, dq = run.q[inside & moves], run.dq[inside & moves]
         torque = inverse_dynamics(run.chain, run.parameters, q, dq, np.zeros_like(q))
-        still.append(s * torque[:, joint])
-    return bool(np.std(np.concatenate(still)) > top.width)
+        still.append(s[moves[inside]] * torque[:, joint])
+    held = np.concatenate(still)
+    return len(held) >= FEWEST and bool(np.std(held) > top.width)
 
 
 def _reported(prepared: Prepared, joint: int, limit: float) -> Candidate:

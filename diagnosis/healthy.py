@@ -69,8 +69,8 @@ LARGEST: Mapping[str, float] = {
     "gravity_spring": 10.0,
 }
 # Springs that hold this share of what the drive can are met on any arm.
-SPRINGS, HELD = (CABLE, "gravity_spring"), 0.2
-# And of a law beside an effect's first.
+SPRINGS, HELD = (CABLE, "gravity_spring"), 0.3
+# And of a law beside an effect's first, but for cables, which rub and harden as they are.
 LARGEST_BY_LAW = 3.0
 # N·m are judged against this share of the joint's torque, at least.
 LEAST_SIZE = 0.006
@@ -163,7 +163,8 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
             value = np.asarray(values[parameter.name].value)
             if np.any(value < parameter.lower) or np.any(value > parameter.upper):
                 return False
-    largest = LARGEST.get(family.effect) if candidate.member.law is None else LARGEST_BY_LAW
+    is_first = candidate.member.law is None or family.effect == CABLE
+    largest = LARGEST.get(family.effect) if is_first else LARGEST_BY_LAW
     if largest is not None:
         parameter = effect(family.effect).DESCRIPTION.parameters[0]
         mild, severe = typical_range(parameter, robot, family.joint)

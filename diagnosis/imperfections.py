@@ -90,8 +90,20 @@ def _is_hardly_larger(
     imperfections, share, shift = ALIKE[item.candidate.family.effect]
     if item.shift >= shift:
         return False
+    if _are_as_large(robot, place, item, open_, last):
+        return True
     others = _of_others(item, imperfections, rest, open_, last)
     return others >= share and not _is_of_one(robot, place, others, open_, last)
+
+
+def _are_as_large(robot: Robot, place: int, item: Accepted, open_: Sequence[Weighed], last: Stage) -> bool:
+    """Whether several joints have as many times what a healthy one has, and this one no more than that.
+
+    Where its joint carries little torque beside, it stands out of that all the same.
+    """
+    own, others = _seen(robot, place, [item.candidate.family.effect], open_, last)
+    as_large = {each.joint for each in others if each.wald > SMALLEST_WALD and each.times >= own.times}
+    return own.times <= 1 and len(as_large) >= SUCH_JOINTS
 
 
 def _of_others(

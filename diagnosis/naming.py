@@ -48,8 +48,8 @@ DWARFED = 0.05
 # error told from three when it is taken in, as wrists' are, must be four from none.
 AT_LAST, GAIN_AT_LAST = 9.0, 16.0
 # Joints that move alike share what bristles leave: a drive that two share moves one of them by this share of
-# its torque.
-LEAST_COUPLED = 0.025
+# its torque; or takes off this share of what is left there, and is so many times a healthy robot's.
+LEAST_COUPLED, ALL_COUPLED, FAR_COUPLED = 0.025, 0.9, 3.0
 # Any joint warms, by this share of its friction in these runs; and whatever foretells less than this share of
 # what its joint leaves is no cable.
 WARMED, FORETOLD_BY_CABLE = 0.02, 0.1
@@ -78,7 +78,7 @@ def accepted_as(
     share = float(stage.shares(best.gain).max())
     beyond = (obvious or beyond) and not (is_excessive(sized, *own, share) or moves_little(torque_rms, *own))
     shift = gained_by_shift(stage, best.gain)
-    beyond = beyond and couples(stage, best.gain) and warms(stage, *own)
+    beyond = beyond and couples(sized, stage, best.gain) and warms(stage, *own)
     beyond = beyond and is_borne_out(best.candidate.family.effect, share, shift)
     # What a push leaves is where it was.
     firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
@@ -107,10 +107,15 @@ def accepted_as(
     )
 
 
-def couples(stage: Stage, gain: Gain) -> bool:
-    """Whether a shared drive moves either of its joints; whatever is none does."""
-    moved = float(stage.torque_shares(gain).max())
-    return gain.candidate.family.effect != COUPLING or moved > LEAST_COUPLED
+def couples(sized: Robot, stage: Stage, gain: Gain) -> bool:
+    """Whether a shared drive moves either of its joints, or is all but all that is left there.
+
+    Whatever is none does.
+    """
+    if gain.candidate.family.effect != COUPLING or float(stage.torque_shares(gain).max()) > LEAST_COUPLED:
+        return True
+    is_all = float(stage.shares(gain).max()) > ALL_COUPLED
+    return is_all and is_certainly_beyond(sized, stage, gain, FAR_COUPLED)
 
 
 def is_borne_out(name: str, share: float, shift: float) -> bool:

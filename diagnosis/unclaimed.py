@@ -35,8 +35,8 @@ AS_WELL, LITTLE_TORQUE, SMALLEST_WALD = 0.8, 0.03, 25.0
 # What is left counts without any function to follow where it is this share of the joint's RMS torque, so many
 # times the noise, and this share of what re-identification left.
 MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
-# Or less noise, where the joint in the middle of all has a tenth of it: no law's rest is one joint's alone.
-FAR_OUT, FAR_OUT_NOISE = 10.0, 2.0
+# Or less noise, where the joint in the middle of all has a sixth of it: no law's rest is one joint's alone.
+FAR_OUT, FAR_OUT_NOISE = 6.0, 2.0
 # So does what is this share of the joint's torque and so many times what the joint in the middle of all has
 # (or less and more times), not noise, and this share of what re-identification left: a law that is nearly the
 # robot's leaves less, and a spring's next to nothing.

@@ -15,9 +15,10 @@ Array = NDArray[np.float64]
 
 # An effect that takes less than this share of its joint's gap off runs left out, where that gap and what all
 # runs together fit are so many times the noise, is not the robot's. Nor are effects that take less than half
-# of that off the gap of all joints, where it is farther from noise.
+# of that off the gap of all joints, where it is farther from noise, and all runs together leave so many times
+# the noise: what two unlike runs foretell of each other may be far off, whatever acts.
 EXPLAINED, FAR_FROM_NOISE = 0.2, 3.0
-EXPLAINED_OF_ALL, FARTHER_FROM_NOISE = 0.1, 4.0
+EXPLAINED_OF_ALL, FARTHER_FROM_NOISE, FIT_TO_NOISE = 0.1, 4.0, 1.5
 # Nor are those that leave so many times the noise of it, where they close less than this share of what was
 # beyond the noise, on runs left out and on all runs together: in 1320 cases those of seven robots of eight
 # were wrong. A push leaves much where it acted otherwise, a gearbox that stiffens otherwise too.
@@ -44,7 +45,8 @@ def names_that_hold(
     closed, reducible = gap.parameters - gap.effects, gap.parameters - gap.noise_floor
     is_far = np.minimum(gap.parameters, fitted) > FAR_FROM_NOISE * gap.noise_floor
     leaves_too_much = is_far & (closed < EXPLAINED * reducible)
-    if gap.parameters.sum() > FARTHER_FROM_NOISE * gap.noise_floor.sum():
+    told = fitted.sum() >= FIT_TO_NOISE * gap.noise_floor.sum()
+    if told and gap.parameters.sum() > FARTHER_FROM_NOISE * gap.noise_floor.sum():
         leaves_too_much |= bool(closed.sum() < EXPLAINED_OF_ALL * reducible.sum())
     pushed = any(item.named and item.candidate.is_event for item in accepted)
     stays_far = _stays_far(gap, fitted, torque) & (not pushed)

@@ -126,6 +126,23 @@ def test_a_push_of_which_a_function_of_the_motion_fits_half_leaves_far_less(
     assert (found is not None) == expected
 
 
+def test_a_push_is_sought_where_a_function_of_the_motion_fits_more_than_of_a_shock(tmp_path, monkeypatch):
+    """In one run some function fits most of a push."""
+    arm = small_arm(tmp_path)
+    push = parse_injection(arm, PUSH.replace("elbow", "shoulder"))
+    runs = simulated_runs(arm, [], runs=3)
+    runs["run_2"] = simulated_runs(arm, [push], runs=3)["run_2"]
+    torque = runs["run_1"].torque.copy()
+    torque[2000:2030, 1] += 12.0
+    prepared = prepare(arm, {**runs, "run_1": replace(runs["run_1"], torque=torque)})
+    monkeypatch.setattr("diagnosis.contact.fitted_shares", lambda *_: np.array([0.6, 0.4]))
+    _, found = _sought(prepared)
+    assert found is not None
+    assert found[0].candidate.family.joint == 0
+    monkeypatch.setattr("diagnosis.contact.fitted_shares", lambda *_: np.array([0.85, 0.4]))
+    assert _sought(prepared)[1] is None
+
+
 def test_a_shock_that_the_filter_does_not_resolve_is_no_push(tmp_path):
     arm = small_arm(tmp_path)
     runs = simulated_runs(arm, [], runs=3)

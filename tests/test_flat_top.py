@@ -140,3 +140,19 @@ def test_the_steps_of_a_coarse_log_are_no_limit(arm, levels):
     for name, run in runs.items():
         coarse[name] = replace(run, torque=step * np.round(run.torque / step), torque_command=None)
     assert flat_tops(prepare(arm, coarse), []) == []
+
+
+def test_a_pose_that_is_held_at_rest_again_and_again_is_no_limit(arm):
+    """Friction there has any sign, by the noise of the speed, and the drive goes on giving the same."""
+    time = np.arange(20_000) / 1000
+    up = np.clip(2 * np.sin(2 * np.pi * 0.2 * time) + 0.5, 0.0, 1.0)
+    still = np.zeros_like(up)
+    q = np.column_stack([still, 0.8 * zero_phase_lowpass(up[:, None], 1000, 5)[:, 0] - 2.3])
+    dq = np.gradient(q, time, axis=0)
+    torque = inverse_dynamics(arm.chain, arm.parameters, q, dq, np.gradient(dq, time, axis=0))
+    rng = np.random.default_rng(2)
+    torque += rng.normal(0, 0.01, torque.shape)
+    q += rng.normal(0, 1e-5, q.shape)
+    (run,) = simulated_runs(arm, [], runs=1).values()
+    prepared = prepare(arm, {"held": replace(measured_only(run), time=time, position=q, torque=torque)})
+    assert flat_tops(prepared, []) == []

@@ -79,6 +79,18 @@ def test_a_cable_may_be_stiff_for_a_joint_of_little_friction(tmp_path, share, is
     assert is_plausible(arm, cable, np.array([stiffness, 0.0])) == is_met
 
 
+@pytest.mark.parametrize("law", [None, "hysteretic", "hardening"])
+def test_a_cable_may_be_as_stiff_by_any_of_its_laws(tmp_path, law):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.member.law == law)
+    # Its torque half of the range, or a radian, from rest; one that hardens pulls more there.
+    _, severe = typical_range(effect("cable_spring").DESCRIPTION.parameters[0], arm, 0)
+    least, first = 9 * severe / (10.0 if law == "hardening" else 1.0), np.eye(cable.count)[0]
+    assert is_plausible(arm, cable, least * first)
+    assert not is_plausible(arm, cable, 30 * severe * first)
+
+
 @pytest.mark.parametrize(("share", "is_met"), [(0.15, True), (0.5, False)])
 def test_a_cable_on_a_short_slide_is_judged_by_what_it_holds_within_its_range(tmp_path, share, is_met):
     arm = small_arm(tmp_path, SCARA)

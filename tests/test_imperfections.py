@@ -147,6 +147,14 @@ def test_what_is_no_larger_a_part_of_the_torque_than_others_imperfections_is_no_
     assert _is_of_one(scara, name, times, 0.01, ("transmission_ripple", 0.5), of_torque) == named
 
 
+@pytest.mark.parametrize(
+    ("times", "others", "named"), [(0.9, 1.0, False), (0.9, 0.8, True), (1.1, 1.2, True)]
+)
+def test_what_other_joints_have_more_of_is_none_where_its_joint_carries_little(scara, times, others, named):
+    """A healthy joint's friction may be much of the torque that its joint carries."""
+    assert _is_of_one(scara, "stribeck_friction", times, 0.05, ("stribeck_friction", others), 0.3) == named
+
+
 @pytest.mark.parametrize("torque", [0.01, 0.02])
 @pytest.mark.parametrize(("others", "named"), [(1.5, False), (0.7, False), (0.5, True)])
 def test_bristles_that_two_other_joints_have_too_are_no_one_joints(scara, torque, others, named):

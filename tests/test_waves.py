@@ -1,5 +1,6 @@
 """Ripple and eccentricity are waves in the position: told with what they have beside their first harmonic."""
 
+import numpy as np
 import pytest
 
 from diagnosis.accepted import SLOWEST_RIPPLE
@@ -48,6 +49,21 @@ def test_a_wave_is_told_with_its_law_and_nothing_of_it_is_left(arm, effect, law,
     for name, wanted in injection.values.items():
         quantity = wave.parameters[name]
         assert abs(quantity.value - wanted) < 4 * quantity.std, name
+
+
+@pytest.mark.parametrize("second", [24.0, 24.3, 24.5])
+def test_two_waves_are_no_nearer_than_the_motion_tells_apart(arm, second):
+    """Nearer ones cancel: of next to nothing any amplitude would come out."""
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1))
+    ripple = next(each for each in candidates(prepared, only=[RIPPLE]) if each.family.joint == 1)
+    assert ripple.family.member is not None
+    waves = ripple.family.member({"cycles": 24.3, "second_cycles": second})
+    turned = np.ptp(prepared.runs[0].logged.q[:, 1])
+    # A whole turn of the phase between them, to the spacing of the periodogram.
+    apart = turned * abs(waves.shape["second_cycles"] - waves.shape["cycles"])
+    assert apart == pytest.approx(2 * np.pi, rel=0.1)
+    # cos 2 pi x is orthogonal to one of another whole number of turns but for where the motion dwells.
+    assert np.linalg.cond(waves.columns[0][:, 0]) < 10
 
 
 def test_ripples_are_picked_anew_once_a_far_larger_effect_is_known(arm):

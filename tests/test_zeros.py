@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from diagnosis.attribution import attribute
 from diagnosis.candidates import candidates
 from diagnosis.diagnose import diagnose
 from diagnosis.document import write_diagnosis
@@ -77,3 +78,12 @@ def test_it_has_a_name_and_another_run_is_foretold_by_it(crane, tmp_path):
     left = np.sqrt(np.mean((unseen.torque - foretold.corrected)[middle] ** 2, axis=0))
     alone = np.sqrt(np.mean((unseen.torque - foretold.parameters)[middle] ** 2, axis=0))
     assert left[LIFT] < alone[LIFT]
+
+
+def test_a_zero_that_is_not_among_the_first_that_are_found_is_given_up(crane, monkeypatch):
+    ripple = parse_injection(crane, "transmission_ripple:turn:amplitude=40,cycles=30,phase=0.2")
+    offset = parse_injection(crane, f"encoder_offset:lift:offset={np.deg2rad(11)}")
+    prepared = prepare(crane, simulated_runs(crane, [offset, ripple], runs=3))
+    assert attribute(prepared).prepared.zeros.any()
+    monkeypatch.setattr("diagnosis.attribution.FIRST_TAKEN", 1)
+    assert not attribute(prepared).prepared.zeros.any()

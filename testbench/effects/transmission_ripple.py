@@ -98,9 +98,10 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
 
 def ripples(runs: Sequence[Logged], joint: int, peaks: Array, resolution: float) -> Family:
-    """The same at given peaks, as of ``peaks_of``."""
+    """The same at given peaks, as of ``peaks_of``: two waves no nearer than the range tells apart."""
 
     def member(shape: Mapping[str, float]) -> Member:
+        shape = _apart(shape, 4 * resolution)
         cycles = np.array([shape[name] for name in ("cycles", "second_cycles") if name in shape])
         columns = []
         for run in runs:
@@ -136,6 +137,16 @@ def ripples(runs: Sequence[Logged], joint: int, peaks: Array, resolution: float)
         picked_from=tried,
         richer=richer,
     )
+
+
+def _apart(shape: Mapping[str, float], least: float) -> dict[str, float]:
+    """The shape with its second wave, if it has one, so far from the first: nearer ones cancel each other."""
+    found = dict(shape)
+    if "second_cycles" in found:
+        first, second = found["cycles"], found["second_cycles"]
+        below = second < first and first - least > LOWEST
+        found["second_cycles"] = min(second, first - least) if below else max(second, first + least)
+    return found
 
 
 def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
