@@ -291,4 +291,6 @@ def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
         closed, place = own, f" at {robot.joint_names[joint]}"
     if closed is None:
         return "re-identified parameters leave little but noise along these motions"
+    if closed <= 0:
+        return "on runs left out it explains no more than re-identified parameters do"
     return f"it explains {closed:.0%} of what re-identified parameters leave{place} above the noise"

@@ -172,7 +172,7 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
         if family.effect == OFFSET and _is_taken_at_its_size(candidate):
             return True
         if family.effect == CABLE:
-            amount *= _lever(robot, family.joint, values)
+            amount *= _lever(robot, candidate, values)
         if family.effect in SPRINGS and amount <= HELD * scale_of("torque_limit", robot, family.joint):
             return True
         return amount <= largest * severe if severe >= mild else amount >= severe / largest
@@ -218,7 +218,7 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
             mild = max(mild, LEAST_SIZE * float(torque_scale[family.joint]) / _moved_by_one(candidate, 1))
         value = _number(values[name])
         if family.effect == CABLE:
-            value *= _lever(robot, family.joint, values)
+            value *= _lever(robot, candidate, values)
         if family.effect == WARMING:
             value *= _reached(candidate)
         exponent = _number(values["exponent"]) if family.effect == BENDING else 1.0
@@ -238,14 +238,19 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
     return largest
 
 
-def _lever(robot: Robot, joint: int | None, values: Mapping[str, Quantity]) -> float:
+def _lever(robot: Robot, candidate: Candidate, values: Mapping[str, Quantity]) -> float:
     """How far from rest a cable is judged, rad (m): half of the joint's range, or one where that is more.
 
-    values: its parameters. One that hardens pulls there as if it were as much farther.
+    values: its parameters. One that hardens pulls there as if it were as much farther, but no more than it
+    does in these runs: beyond their motion nothing is known of it.
     """
+    joint = candidate.family.joint
     assert joint is not None
     lever = min(0.5 * float(robot.limits.upper[joint] - robot.limits.lower[joint]), 1.0)
-    return lever * (1 + (lever / _number(values["doubling"])) ** 2) if "doubling" in values else lever
+    if "doubling" not in values:
+        return lever
+    pulled = max(float(np.abs(columns).max(initial=0.0)) for columns in candidate.member.columns)
+    return min(lever * (1 + (lever / _number(values["doubling"])) ** 2), pulled)
 
 
 def _reached(candidate: Candidate) -> float:
