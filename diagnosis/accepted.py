@@ -41,7 +41,7 @@ class Accepted:
     is_certain: whether its size is known well enough for that. is_trace: found by a trace that only shows
     beside every joint's imperfections, or where there are none. is_everywhere: whether other joints are about
     as imperfect, so that it has no name. by_size: whether it has a name as it is larger than on any healthy
-    robot, and for nothing else.
+    robot, and for nothing else. is_alone: or as nothing else is seen.
     """
 
     candidate: Candidate
@@ -56,6 +56,7 @@ class Accepted:
     is_trace: bool = False
     is_everywhere: bool = False
     by_size: bool = False
+    is_alone: bool = False
 
 
 def without_rests(accepted: Sequence[Accepted]) -> list[Accepted]:

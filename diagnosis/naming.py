@@ -104,6 +104,7 @@ def accepted_as(
         is_certain=certain,
         is_trace=found.is_trace,
         by_size=not (obvious or alone),
+        is_alone=alone and not obvious,
     )
 
 
@@ -215,20 +216,39 @@ def as_fitted_at_last(
 ) -> list[Accepted]:
     """What was taken in with the shapes that all runs together give it.
 
-    What no gear has loses its name, what is no larger then than on a healthy robot, and what is not told from
-    none.
+    What no gear has loses its name, what is no larger then than on a healthy robot, what is not told from
+    none, and what was alone where another joint has something without a name that is as large for it.
     """
     found, torque_rms = [], ground(hypothesis.prepared).torque_rms
-    for item, part, candidate in zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True):
+    times = [
+        times_healthy(sized, torque_rms, candidate, fitted.values[part])
+        for candidate, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
+    ]
+    for place, (item, part, candidate) in enumerate(
+        zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True)
+    ):
         own = candidate, fitted.values[part]
         named = item.named and not is_excessive(sized, *own, item.share)
-        named = named and (not item.by_size or times_healthy(sized, torque_rms, *own) > 1)
+        named = named and (not item.by_size or times[place] > 1)
+        named = named and not (item.is_alone and _is_another(accepted, times, place))
         least = GAIN_AT_LAST if candidate.family.effect == GAIN else AT_LAST
         # A limit that the drive reports leaves no gap, and a push is told by when it was.
         elsewhere = candidate.is_event or candidate.family.effect == SATURATION
         named = named and (elsewhere or fitted.wald(part) > least)
         found.append(replace(item, candidate=candidate, named=named))
     return found
+
+
+def _is_another(accepted: Sequence[Accepted], times: Sequence[float], place: int) -> bool:
+    """Whether another joint certainly has something without a name that is as many times a healthy one's."""
+    joint = accepted[place].candidate.family.joint
+    return times[place] <= 1 and any(
+        item.is_certain
+        and not item.named
+        and item.candidate.family.joint not in (joint, None)
+        and own >= times[place]
+        for item, own in zip(accepted, times, strict=True)
+    )
 
 
 def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> bool:

@@ -185,6 +185,29 @@ def test_what_all_runs_together_make_no_larger_than_a_healthy_joints_has_no_name
     assert item.named == named
 
 
+@pytest.mark.parametrize(
+    ("own", "other", "certain", "named"),
+    [(0.08, 0.06, True, True), (0.08, 0.09, True, False), (0.08, 0.09, False, True), (0.12, 0.2, True, True)],
+)
+def test_what_was_alone_has_no_name_beside_as_much_at_another_joint(
+    arm, prepared, own, other, certain, named
+):
+    """Shares of each joint's Coulomb friction; a tenth is what a healthy joint may have."""
+    shoulder, elbow = (
+        next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == joint)
+        for joint in (0, 1)
+    )
+    hypothesis = SimpleNamespace(
+        prepared=prepared, parts=[slice(0, 1), slice(1, 2)], accepted=[shoulder, elbow]
+    )
+    coulomb = arm.parameters.reshape(arm.joints, -1)[:, COULOMB]
+    fitted = SimpleNamespace(values=np.array([own, other]) * coulomb, wald=lambda part: 100.0)
+    alone = replace(_accepted(shoulder), is_alone=True)
+    beside = replace(_accepted(elbow, named=False), is_certain=certain)
+    first, _ = as_fitted_at_last(arm, hypothesis, fitted, [alone, beside])
+    assert first.named == named
+
+
 @pytest.mark.parametrize(("wald", "named"), [(4.0, False), (25.0, True)])
 def test_what_later_effects_leave_nothing_of_has_no_name(arm, prepared, wald, named):
     taken_in = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 0)
