@@ -141,7 +141,7 @@ def _grown(
         if found is None:
             break
         before, taken_in = stage, found.best.candidate.family
-        firsts = [*_places(accepted), (taken_in.effect, taken_in.joint)]
+        firsts = [*_places(accepted), found.best.candidate.place[:2]]
         if zero and len(firsts) >= FIRST_TAKEN and zero not in firsts:
             return None
         hypothesis, fitted = found.trial
@@ -156,7 +156,7 @@ def _grown(
         stage = Stage(base, hypothesis, fitted)
         weighed = search.open(stage, proposals)
         accepted.append(accepted_as(found, before, apart, sized, accepted, weighed))
-        accepted = [replace(a, candidate=c) for a, c in zip(accepted, hypothesis.accepted, strict=True)]
+        accepted = _as_of(hypothesis, accepted)
         if found.best.candidate.is_event:
             accepted = judged_again(base, sized, accepted, weighed)
         if taken_in.joint is None:
@@ -165,12 +165,10 @@ def _grown(
             break
     accepted, hypothesis, fitted = _pruned(base, sized, accepted, hypothesis, fitted)
     if len(kept := without_rests(accepted)) < len(accepted):
-        accepted = kept
         # What was shaped beside a rest of its own is not as it is alone.
-        hypothesis, fitted = at_likeliest_shapes(
-            sized, *fitted_to(base.prepared, [a.candidate for a in accepted])
-        )
-        accepted = [replace(a, candidate=c) for a, c in zip(accepted, hypothesis.accepted, strict=True)]
+        refitted = fitted_to(base.prepared, [a.candidate for a in kept])
+        hypothesis, fitted = at_likeliest_shapes(sized, *refitted)
+        accepted = _as_of(hypothesis, kept)
     if SATURATION not in sought.without:
         accepted, hypothesis, fitted = _with_flat_tops(accepted, hypothesis, fitted)
     last = stage if hypothesis is stage.hypothesis else Stage(base, hypothesis, fitted)
@@ -197,6 +195,11 @@ def _grown(
     unknown = (*misfits, *imitated, *unmet)
     accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
+
+
+def _as_of(hypothesis: Design, accepted: Sequence[Accepted]) -> list[Accepted]:
+    """What was taken in, with the candidates that the hypothesis has of it."""
+    return [replace(a, candidate=c) for a, c in zip(accepted, hypothesis.accepted, strict=True)]
 
 
 def _places(accepted: Sequence[Accepted]) -> list[tuple[str, int | None]]:

@@ -88,31 +88,35 @@ def contact(
     # What a limit that clips softly leaves is in bursts, too.
     clipped = stage.hypothesis.joints_with(SATURATION)
     unforetold = [j for j in bursts if foretold[j] < FORETOLD and j not in clipped]
-    before: list[int] = []
-    for most in (FITTED, MOSTLY_FITTED):
-        pushed = [j for j in unforetold if fitted[j] < most]
-        least = {j: 1 - LESS_LEFT * (1 - fitted[j]) for j in pushed if fitted[j] >= FITTED}
-        # So is what bristles leave that were bent when a run began.
-        if pushed == before or stage.hypothesis.joints_with(BRISTLES).issuperset(pushed):
-            continue
-        if (found := _likeliest(stage, pushed, least, bursts, noise)) is not None:
-            return found
-        before = pushed
-    return None
+    pushed = dict.fromkeys(
+        tuple(j for j in unforetold if fitted[j] < most) for most in (FITTED, MOSTLY_FITTED)
+    )
+    # So is what bristles leave that were bent when a run began.
+    bristles = stage.hypothesis.joints_with(BRISTLES)
+    sought = [joints for joints in pushed if not bristles.issuperset(joints)]
+    if not sought:
+        return None
+    logged = _without_effects(stage)
+    found = (_likeliest(stage, logged, joints, fitted, bursts, noise) for joints in sought)
+    return next((each for each in found if each is not None), None)
 
 
 def _likeliest(
     stage: Stage,
+    logged: Sequence[Logged],
     pushed: Sequence[int],
-    least: Mapping[int, float],
+    fitted: Array,
     bursts: Mapping[int, set[tuple[int, int]]],
     noise: Array,
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
-    """As of ``contact``, of a push that these joints bear. least, bursts, noise: as of ``_fitted``."""
+    """As of ``contact``, of a push that these joints bear.
+
+    logged: as of ``_without_effects``. fitted: as of ``fitted_shares``. bursts, noise: as of ``_in_bursts``.
+    """
+    least = {j: 1 - LESS_LEFT * (1 - fitted[j]) for j in pushed if fitted[j] >= FITTED}
     # A force loads the joints before its link, though perhaps with no arm on the last; others may shake.
     together = [j for j in pushed if _are_together(bursts[j], bursts[pushed[0]])]
     last = together[-1]
-    logged = _without_effects(stage)
     blocks = set().union(*(bursts[j] for j in pushed))
     events = [_with_bursts(stage, index, windows(run, pushed), blocks) for index, run in enumerate(logged)]
     links = [*together, *range(last + 1, min(last + LINKS, stage.prepared.joints))]

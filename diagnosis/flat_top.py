@@ -115,17 +115,16 @@ def _bouts(time: Array) -> int:
 
 def _is_held_back(runs: Sequence[Logged], joint: int, top: _Top) -> bool:
     """Whether what else changes never shows there, time and again."""
-    sign = [np.sign(run.tau[inside, joint]) for run, inside in zip(runs, top.inside, strict=True)]
     bouts = sum(_bouts(run.time[inside]) for run, inside in zip(runs, top.inside, strict=True))
     if bouts < TIMES:
         return False
     still = []
-    for s, run, inside in zip(sign, runs, top.inside, strict=True):
+    for run, inside in zip(runs, top.inside, strict=True):
         # At rest friction has any size and sign.
-        moves = np.abs(run.dq[:, joint]) > DEAD_ZONE
-        q, dq = run.q[inside & moves], run.dq[inside & moves]
+        there = inside & (np.abs(run.dq[:, joint]) > DEAD_ZONE)
+        q, dq = run.q[there], run.dq[there]
         torque = inverse_dynamics(run.chain, run.parameters, q, dq, np.zeros_like(q))
-        still.append(s[moves[inside]] * torque[:, joint])
+        still.append(np.sign(run.tau[there, joint]) * torque[:, joint])
     held = np.concatenate(still)
     return len(held) >= FEWEST and bool(np.std(held) > top.width)
 

@@ -224,13 +224,13 @@ def as_fitted_at_last(
         times_healthy(sized, torque_rms, candidate, fitted.values[part])
         for candidate, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
     ]
-    for place, (item, part, candidate) in enumerate(
-        zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True)
+    for item, part, candidate, size in zip(
+        accepted, hypothesis.parts, hypothesis.accepted, times, strict=True
     ):
         own = candidate, fitted.values[part]
         named = item.named and not is_excessive(sized, *own, item.share)
-        named = named and (not item.by_size or times[place] > 1)
-        named = named and not (item.is_alone and _is_another(accepted, times, place))
+        named = named and (not item.by_size or size > 1)
+        named = named and not (item.is_alone and size <= 1 and _is_another(accepted, times, item, size))
         least = GAIN_AT_LAST if candidate.family.effect == GAIN else AT_LAST
         # A limit that the drive reports leaves no gap, and a push is told by when it was.
         elsewhere = candidate.is_event or candidate.family.effect == SATURATION
@@ -239,15 +239,15 @@ def as_fitted_at_last(
     return found
 
 
-def _is_another(accepted: Sequence[Accepted], times: Sequence[float], place: int) -> bool:
-    """Whether another joint certainly has something without a name that is as many times a healthy one's."""
-    joint = accepted[place].candidate.family.joint
-    return times[place] <= 1 and any(
-        item.is_certain
-        and not item.named
-        and item.candidate.family.joint not in (joint, None)
-        and own >= times[place]
-        for item, own in zip(accepted, times, strict=True)
+def _is_another(accepted: Sequence[Accepted], times: Sequence[float], own: Accepted, size: float) -> bool:
+    """Whether another joint certainly has something without a name that is as large.
+
+    times: how many times a healthy joint's everything is. size: of this one.
+    """
+    here = (own.candidate.family.joint, None)
+    return any(
+        item.is_certain and not item.named and item.candidate.family.joint not in here and each >= size
+        for item, each in zip(accepted, times, strict=True)
     )
 
 

@@ -45,8 +45,8 @@ def names_that_hold(
     closed, reducible = gap.parameters - gap.effects, gap.parameters - gap.noise_floor
     is_far = np.minimum(gap.parameters, fitted) > FAR_FROM_NOISE * gap.noise_floor
     leaves_too_much = is_far & (closed < EXPLAINED * reducible)
-    told = fitted.sum() >= FIT_TO_NOISE * gap.noise_floor.sum()
-    if told and gap.parameters.sum() > FARTHER_FROM_NOISE * gap.noise_floor.sum():
+    is_misfit = fitted.sum() >= FIT_TO_NOISE * gap.noise_floor.sum()
+    if is_misfit and gap.parameters.sum() > FARTHER_FROM_NOISE * gap.noise_floor.sum():
         leaves_too_much |= bool(closed.sum() < EXPLAINED_OF_ALL * reducible.sum())
     pushed = any(item.named and item.candidate.is_event for item in accepted)
     stays_far = _stays_far(gap, fitted, torque) & (not pushed)

@@ -10,7 +10,6 @@ import pytest
 from diagnosis.accepted import (
     MANY,
     RESONANCE,
-    Accepted,
     laws_of_position,
     many_laws,
     out_of_bounds,
@@ -23,13 +22,12 @@ from diagnosis.diagnose import diagnose
 from diagnosis.evidence import fitted_to
 from diagnosis.findings import Gap
 from diagnosis.ground import ground
-from diagnosis.naming import as_fitted_at_last, couples, is_borne_out
 from diagnosis.preparation import prepare
 from diagnosis.unmet import closed_without_a_name, names_that_hold, pushes_that_hold
 from diagnosis.weighing import Stage
-from identification.parameters import COULOMB
 from testbench.effects import parse_injection
 
+from .accepted_effects import accepted_of
 from .diagnosed import RATE, simulated_runs
 from .small_arm import SCARA, small_arm
 
@@ -39,14 +37,10 @@ def prepared(arm):
     return prepare(arm, simulated_runs(arm, [], runs=1))
 
 
-def _accepted(candidate, named=True):
-    return Accepted(candidate, probability=1.0, rivals=(), score=100.0, share=0.8, worth=0.01, named=named)
-
-
 @pytest.mark.parametrize(("joints", "left", "expected"), [(2, 0.3, [0, 1]), (2, 0.01, []), (1, 0.3, [])])
 def test_several_elastic_joints_that_explain_badly_are_a_resonance(prepared, joints, left, expected):
     elastic = candidates(prepared, only=["joint_elasticity"])
-    items = [_accepted(next(c for c in elastic if c.family.joint == joint)) for joint in range(joints)]
+    items = [accepted_of(next(c for c in elastic if c.family.joint == joint)) for joint in range(joints)]
     first = Stage.of(ground(prepared), [])
     last = SimpleNamespace(held_squares=left * first.held_squares)
     found = resonances(first, last, items)
@@ -69,7 +63,7 @@ def test_two_laws_of_position_are_none_unless_one_all_but_explains_the_joint(
 ):
     names = sorted(("gravity_spring", "cable_spring"), key=lambda name: name != first)
     one, other = (next(c for c in candidates(prepared, only=[name]) if c.family.joint == 1) for name in names)
-    found = without_rests([replace(_accepted(one), share=share), replace(_accepted(other), share=0.7)])
+    found = without_rests([replace(accepted_of(one), share=share), replace(accepted_of(other), share=0.7)])
     assert [each.candidate.family.effect for each in found] == names[:kept]
     stage = Stage.of(ground(prepared), [])
     assert [each.joint for each in laws_of_position(stage, stage, found)] == joints
@@ -84,7 +78,7 @@ def test_many_laws_at_a_joint_with_a_name_are_none_unless_one_all_but_explains_i
 ):
     effects = ("torque_gain_error", "load_dependent_friction", "stribeck_friction", "transmission_ripple")
     taken_in = [
-        _accepted(next(c for c in candidates(prepared, only=[name]) if c.family.joint == 1), named=False)
+        accepted_of(next(c for c in candidates(prepared, only=[name]) if c.family.joint == 1), named=False)
         for name in effects[:laws]
     ]
     taken_in[0] = replace(taken_in[0], named=named, share=share)
@@ -104,7 +98,7 @@ def test_two_laws_with_names_that_all_but_explain_a_joint_have_the_others_as_res
     effects = ("torque_gain_error", "load_dependent_friction", "stribeck_friction", "transmission_ripple")
     every = [candidates(prepared, only=[name]) for name in effects]
     taken_in = [
-        replace(_accepted(next(c for c in each if c.family.joint == 1), named=own), share=share)
+        replace(accepted_of(next(c for c in each if c.family.joint == 1), named=own), share=share)
         for each, share, own in zip(every, (*shares, 0.2, 0.1), (True, named, False, False), strict=True)
     ]
     first = Stage.of(ground(prepared), [])
@@ -117,8 +111,8 @@ def test_imperfections_that_other_joints_have_as_many_of_are_no_law_without_a_na
 ):
     effects = ("torque_gain_error", "load_dependent_friction", "stribeck_friction", "transmission_ripple")
     every = [candidates(prepared, only=[name]) for name in effects]
-    taken_in = [_accepted(next(c for c in each if c.family.joint == 1)) for each in every]
-    others = [_accepted(next(c for c in each if c.family.joint == 0), named=False) for each in every[3:]]
+    taken_in = [accepted_of(next(c for c in each if c.family.joint == 1)) for each in every]
+    others = [accepted_of(next(c for c in each if c.family.joint == 0), named=False) for each in every[3:]]
     first = Stage.of(ground(prepared), [])
     found = many_laws(first, first, [*taken_in, *others[:elsewhere]])
     assert [each.joint for each in found] == joints
@@ -130,7 +124,7 @@ def test_a_coupling_without_a_name_is_no_law_of_its_other_joint(prepared, named,
     one, two, three, (coupling, *_) = (candidates(prepared, only=[name]) for name in effects)
     own = [next(c for c in each if c.family.joint == 1) for each in (one, two, three)]
     assert (coupling.family.joint, coupling.family.into) == (0, 1)
-    taken_in = [*(_accepted(each) for each in own), _accepted(coupling, named=named)]
+    taken_in = [*(accepted_of(each) for each in own), accepted_of(coupling, named=named)]
     first = Stage.of(ground(prepared), [])
     assert [each.joint for each in many_laws(first, first, taken_in)] == joints
 
@@ -142,7 +136,7 @@ def test_many_couplings_are_no_drives(tmp_path, count, joints):
     coupling = candidates(prepared, only=["joint_coupling"])[0]
     pairs = [(0, 1), (1, 2), (0, 2), (2, 1)]
     taken_in = [
-        _accepted(replace(coupling, family=replace(coupling.family, joint=joint, into=into)))
+        accepted_of(replace(coupling, family=replace(coupling.family, joint=joint, into=into)))
         for joint, into in pairs[:count]
     ]
     first = Stage.of(ground(prepared), [])
@@ -155,66 +149,8 @@ def test_a_gain_error_that_no_drive_has_is_none(arm, prepared, relative, expecte
     hypothesis, fitted = fitted_to(prepared, [gain])
     # The column is the reported torque: what is reported is that of the joint over one and the error.
     values = np.append(fitted.values[:-1], 1 / (1 + relative) - 1)
-    found = out_of_bounds(arm, hypothesis, replace(fitted, values=values), [_accepted(gain)])
+    found = out_of_bounds(arm, hypothesis, replace(fitted, values=values), [accepted_of(gain)])
     assert [each.joint for each in found] == expected
-
-
-@pytest.mark.parametrize(("seconds", "named"), [(2.0, False), (10.0, True)])
-def test_a_joint_that_warms_faster_than_any_by_all_runs_together_has_no_name(arm, prepared, seconds, named):
-    (taken_in, *_) = candidates(prepared, only=["thermal_friction_drift"])
-    shape = taken_in.member.shape | {"time_constant": seconds}
-    final = replace(taken_in, member=replace(taken_in.member, shape=shape))
-    hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, taken_in.count)], accepted=[final])
-    fitted = SimpleNamespace(values=0.5 * np.eye(taken_in.count)[0], wald=lambda part: 100.0)
-    (item,) = as_fitted_at_last(arm, hypothesis, fitted, [_accepted(taken_in)])
-    assert item.named == named
-    assert item.candidate is final
-
-
-@pytest.mark.parametrize(
-    ("share", "by_size", "named"), [(0.12, True, True), (0.08, True, False), (0.08, False, True)]
-)
-def test_what_all_runs_together_make_no_larger_than_a_healthy_joints_has_no_name_for_its_size(
-    arm, prepared, share, by_size, named
-):
-    taken_in = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 0)
-    hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, 1)], accepted=[taken_in])
-    fitted = SimpleNamespace(values=np.array([share * arm.parameters[COULOMB]]), wald=lambda part: 100.0)
-    sized = replace(_accepted(taken_in), by_size=by_size)
-    (item,) = as_fitted_at_last(arm, hypothesis, fitted, [sized])
-    assert item.named == named
-
-
-@pytest.mark.parametrize(
-    ("own", "other", "certain", "named"),
-    [(0.08, 0.06, True, True), (0.08, 0.09, True, False), (0.08, 0.09, False, True), (0.12, 0.2, True, True)],
-)
-def test_what_was_alone_has_no_name_beside_as_much_at_another_joint(
-    arm, prepared, own, other, certain, named
-):
-    """Shares of each joint's Coulomb friction; a tenth is what a healthy joint may have."""
-    shoulder, elbow = (
-        next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == joint)
-        for joint in (0, 1)
-    )
-    hypothesis = SimpleNamespace(
-        prepared=prepared, parts=[slice(0, 1), slice(1, 2)], accepted=[shoulder, elbow]
-    )
-    coulomb = arm.parameters.reshape(arm.joints, -1)[:, COULOMB]
-    fitted = SimpleNamespace(values=np.array([own, other]) * coulomb, wald=lambda part: 100.0)
-    alone = replace(_accepted(shoulder), is_alone=True)
-    beside = replace(_accepted(elbow, named=False), is_certain=certain)
-    first, _ = as_fitted_at_last(arm, hypothesis, fitted, [alone, beside])
-    assert first.named == named
-
-
-@pytest.mark.parametrize(("wald", "named"), [(4.0, False), (25.0, True)])
-def test_what_later_effects_leave_nothing_of_has_no_name(arm, prepared, wald, named):
-    taken_in = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 0)
-    hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, 1)], accepted=[taken_in])
-    fitted = SimpleNamespace(values=np.array([arm.parameters[COULOMB]]), wald=lambda part: wald)
-    (item,) = as_fitted_at_last(arm, hypothesis, fitted, [_accepted(taken_in)])
-    assert item.named == named
 
 
 @pytest.mark.parametrize(
@@ -229,26 +165,12 @@ def test_what_later_effects_leave_nothing_of_has_no_name(arm, prepared, wald, na
 )
 def test_a_gap_that_effects_without_a_name_close_is_told_as_unknown(prepared, after, torque, named, expected):
     gap = Gap(*(np.array([1.0, each]) for each in (10.0, 10.0, after, 0.5)))
-    item = _accepted(candidates(prepared, only=["stribeck_friction"])[0], named=named)
+    item = accepted_of(candidates(prepared, only=["stribeck_friction"])[0], named=named)
     found = closed_without_a_name([item], gap, np.array([torque, torque]))
     assert [each.joint for each in found] == expected
     alike = replace(item, is_everywhere=True, candidate=candidates(prepared, only=["stribeck_friction"])[-1])
     assert alike.candidate.family.joint == 1
     assert not closed_without_a_name([alike], gap, np.array([torque, torque]))
-
-
-@pytest.mark.parametrize(
-    ("coulomb", "least", "moves"),
-    # What moves its joints less is shared where it is all that is left, and far beyond a healthy robot's.
-    [(0.05, 0.025, False), (0.8, 0.025, True), (0.4, 1.0, False), (0.8, 1.0, True)],
-)
-def test_a_shared_drive_moves_one_of_its_joints(arm, monkeypatch, coulomb, least, moves):
-    shared = parse_injection(arm, f"joint_coupling:shoulder:into=elbow,viscous=0,coulomb={coulomb}")
-    prepared = prepare(arm, simulated_runs(arm, [shared]))
-    stage = Stage.of(ground(prepared), [])
-    gain = stage.gain(candidates(prepared, only=["joint_coupling"])[0])
-    monkeypatch.setattr("diagnosis.naming.LEAST_COUPLED", least)
-    assert couples(arm, stage, gain) == moves
 
 
 @pytest.mark.parametrize(
@@ -273,7 +195,7 @@ def test_a_name_that_leaves_the_gap_as_it_was_does_not_hold(
     cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
     stages = ((12.0, 12.0), (10.0, 10.0), (elsewhere, after), (1.0, floor))
     push = replace(cable, family=replace(cable.family, effect="external_contact"))
-    item, left = _accepted(cable), replace(_accepted(push), share=0.0)
+    item, left = accepted_of(cable), replace(accepted_of(push), share=0.0)
     gap, scale = Gap(*map(np.array, stages)), np.array([50.0, torque])
     found, unmet = names_that_hold([item, left], gap, np.array([1.0, fitted]), scale)
     # A push of that joint would be what it leaves.
@@ -302,7 +224,7 @@ def test_a_name_that_leaves_its_joint_far_from_noise_does_not_hold(
     cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
     push = replace(cable, family=replace(cable.family, effect="external_contact", joint=0))
     gap = Gap(*map(np.array, ((12.0, 12.0), (10.0, 10.0), (1.0, after), (1.0, floor))))
-    accepted = [_accepted(cable), replace(_accepted(push), named=pushed, share=0.0)]
+    accepted = [accepted_of(cable), replace(accepted_of(push), named=pushed, share=0.0)]
     found, unmet = names_that_hold(accepted, gap, np.array([1.0, fitted]), np.array([50.0, torque]))
     assert found[0].named == holds
     assert [each.nearest for each in unmet] == ([] if holds else ["cable_spring"])
@@ -344,9 +266,9 @@ def test_what_comes_nearest_is_told_with_what_it_leaves(arm, monkeypatch):
 )
 def test_a_push_that_leaves_half_of_the_gap_is_none(prepared, after, elsewhere, beside, holds):
     cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
-    push = _accepted(replace(cable, family=replace(cable.family, effect="external_contact")))
+    push = accepted_of(replace(cable, family=replace(cable.family, effect="external_contact")))
     gap = Gap(*(np.array([0.9 * elsewhere * (each > 1), each]) for each in (12.0, 10.0, after, 1.0)))
-    found, bursts = pushes_that_hold([push, replace(_accepted(cable), named=beside)], gap)
+    found, bursts = pushes_that_hold([push, replace(accepted_of(cable), named=beside)], gap)
     assert found[0].named == holds
     assert [each.joint for each in bursts] == ([] if holds else [1])
 
@@ -395,17 +317,3 @@ def test_what_is_far_louder_than_the_noise_is_unknown_however_fast(arm, band, ve
         torque[:, 1] += 0.05 * torque[:, 1].std() * loud / loud.std() / passed
         runs[name] = replace(run, torque=torque, torque_command=None)
     assert diagnose(arm, runs).verdict == verdict
-
-
-@pytest.mark.parametrize(
-    ("name", "share", "shift", "is_named"),
-    [
-        ("encoder_offset", 0.03, 2.0, True),
-        ("encoder_offset", 0.9, -2.0, False),
-        ("cable_spring", 0.05, 31.0, False),
-        ("cable_spring", 0.2, -2.0, True),
-        ("gravity_spring", 0.05, -2.0, True),
-    ],
-)
-def test_an_offset_bends_the_parameters_and_a_cable_foretells_something(name, share, shift, is_named):
-    assert is_borne_out(name, share, shift) == is_named
