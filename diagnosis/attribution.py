@@ -24,7 +24,7 @@ from .ground import Ground, ground
 from .healthy import OFFSET, with_friction
 from .hypothesis import Design
 from .imperfections import of_one_joint
-from .likeliest_shapes import at_likeliest_shapes
+from .likeliest_shapes import after_a_step, at_likeliest_shapes
 from .likelihood import Weighed, gained, weigh
 from .linearisation import PAYLOAD, RELINEARISED, TRANSMISSIONS, first_linearised
 from .materiality import is_material
@@ -38,12 +38,13 @@ from .naming import (
 )
 from .near_rest import NearRest, lead_candidates, near_rest, soft_candidates, with_friction_near_rest
 from .observability import not_observable
+from .one_sided import one_sided
 from .preparation import Prepared
 from .round import Search
 from .saturation import Cut, cuts
 from .sought import Sought
 from .transmission_load import linearised_until_settled
-from .unclaimed import NOTHING, Unclaimed, unclaimed, without_imperfections
+from .unclaimed import NOTHING, Unclaimed, unclaimed, with_its_period, without_imperfections
 from .vibration import vibrations, with_its_line, without_shaken
 from .weighing import Stage
 
@@ -178,17 +179,19 @@ def _grown(
     accepted = of_one_joint(sized, told_apart_at_last(last, sized, accepted, weighed), open_, last)
     certain = [a.candidate for a in accepted if a.is_certain]
     sure = None if len(certain) == len(accepted) else Stage.of(base, certain)
-    imitations = (laws_of_position, many_laws, resonances, vibrations)
+    imitations = (laws_of_position, many_laws, one_sided, resonances, vibrations)
     imitated = [each for kind in imitations for each in kind(original, last, accepted)]
     if len(kept := without_shaken(accepted, imitated)) < len(accepted):
         accepted = kept
         hypothesis, fitted = fitted_to(base.prepared, [a.candidate for a in accepted])
     hidden = not_observable(sized, open_)
     hypothesis, fitted = at_likeliest_shapes(sized, hypothesis, fitted)
+    named = [place for place, item in enumerate(accepted) if item.named]
+    hypothesis, fitted = after_a_step(sized, hypothesis, fitted, named)
     accepted = as_fitted_at_last(sized, hypothesis, fitted, accepted)
     unmet = out_of_bounds(sized, hypothesis, fitted, accepted)
     nothing = without_imperfections(sized, original, last, unclaimed(original, last, free, sure), open_)
-    misfits = [with_its_line(last, each) for each in nothing]
+    misfits = [with_its_period(last, with_its_line(last, each)) for each in nothing]
     # What is like something says more than that nothing was.
     alike = {each.joint for each in imitated}
     misfits = [each for each in misfits if each.regime != NOTHING or each.joint not in alike]

@@ -22,6 +22,7 @@ from .intervals import rms_interval
 from .localisation import where
 from .misleading import without_misleading
 from .noise import noise
+from .one_sided import ONE_SIDED
 from .preparation import Prepared
 from .recurrence import recurrence
 from .unclaimed import NOTHING, UNTOLD, Unclaimed
@@ -36,6 +37,11 @@ PARAMETERS_TORQUE = 0.01
 # How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases
 # (docs/blind.md): of the first that is named, of the second, and of those after it.
 NAMED = (0.97, 0.94, 0.9)
+# What would make a robot so.
+LIKELY = {
+    RESONANCE: ": a base that rocks or a link that bends would",
+    ONE_SIDED: ": a hose with slack or a bumper would",
+}
 # What follows nothing is the verdict where no effect explains this share of it.
 FAR_LESS = 0.2
 # What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
@@ -56,7 +62,8 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     fitted_gap = rms(final[1].residual, final[0])
     torque = _torque(prepared)
     accepted, unmet = names_that_hold(found.accepted, gap, fitted_gap, torque)
-    untold = closed_without_a_name(accepted, gap, torque)
+    told = {each.joint for each in (*found.unknown, *unmet)}
+    untold = [each for each in closed_without_a_name(accepted, gap, torque) if each.joint not in told]
     accepted, bursts = pushes_that_hold(accepted, gap)
     found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold, *bursts))
     named = [index for index, item in enumerate(found.accepted) if item.named]
@@ -253,8 +260,10 @@ def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
         return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"
     if item.regime == UNTOLD:
         return f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {UNTOLD}"
-    followed = item.regime if item.regime == NOTHING else f"the joint's {item.regime}"
-    likely = ": a base that rocks or a link that bends would" if item.regime == RESONANCE else ""
+    followed = item.regime if item.regime in (NOTHING, ONE_SIDED) else f"the joint's {item.regime}"
+    likely = LIKELY.get(item.regime, "")
+    if item.period is not None:
+        followed = f"the joint's {item.period}"
     if item.frequency is not None:
         followed = f"a vibration at {item.frequency:.1f} Hz"
         likely = ": a floor or a fan that shakes it would, or a load that swings"

@@ -4,6 +4,8 @@ While effects are sought, one after the other, a shape is judged by runs left ou
 well; how large its shapes are is told best by all runs together, beside all other effects.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +13,7 @@ from testbench.effects.signature import Member
 from testbench.robot import Robot
 
 from .candidates import Candidate, candidate
-from .deviations import covariance_with_shapes
+from .deviations import covariance_with_shapes, shape_after_a_step
 from .evidence import Fit, fit, fitted_to
 from .ground import ground
 from .healthy import WARMING, is_plausible
@@ -44,6 +46,28 @@ def at_likeliest_shapes(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[
         ]
         hypothesis, fitted = fitted_to(hypothesis.prepared, refined)
     return hypothesis, fitted
+
+
+def after_a_step(robot: Robot, hypothesis: Design, fitted: Fit, places: Sequence[int]) -> tuple[Design, Fit]:
+    """The hypothesis with some effects' shapes a Gauss-Newton step on, where that is likelier; and its fit.
+
+    A search ends where shapes are as good but for a little: their deviations may be less than what it leaves.
+    robot: that sizes are relative to. places: of the effects.
+    """
+    prepared, last = hypothesis.prepared, fitted
+    for place in places:
+        each = hypothesis.accepted[place]
+        if not is_searched(each):
+            continue
+        assert each.family.member is not None
+        shaped = each.family.member(shape_after_a_step(hypothesis, last, place))
+        stepped = candidate(prepared, each.family, shaped)
+        trial = design(prepared, [*hypothesis.accepted[:place], stepped, *hypothesis.accepted[place + 1 :]])
+        found = fit(prepared, trial, like=last)
+        is_likelier = found.objective < last.objective
+        if is_likelier and is_plausible(robot, stepped, found.values[trial.parts[place]]):
+            hypothesis, last = trial, found
+    return (hypothesis, fitted) if last is fitted else fitted_to(prepared, hypothesis.accepted)
 
 
 def is_searched(each: Candidate) -> bool:

@@ -59,7 +59,9 @@ TRANSMISSION_WALD, TRANSMISSION_SHARE = 100.0, 0.05
 OF_ENCODERS = 2.0
 # Friction that bends is swallowed as well, but every joint's bends a little: so many times a healthy one's.
 BENT_ENOUGH = 2.0
-TOLD_BY_SIZE = (*SWALLOWED_FRICTION, *TRANSMISSIONS, BENDING, DELAY)
+# First moments take up most of an eccentric encoder.
+ECCENTRICITY = "encoder_eccentricity"
+TOLD_BY_SIZE = (*SWALLOWED_FRICTION, *TRANSMISSIONS, BENDING, DELAY, ECCENTRICITY)
 SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # What acts near rest, where samples do not count, shows little of itself: this share of the torque is
 # enough where it is most of what is left, and its size is certain. So does friction of a load that hardly
@@ -78,7 +80,7 @@ OF_THE_JOINT = (
     "backlash",
     LAG,
 )
-OF_ENCODER = (OFFSET, "encoder_eccentricity")
+OF_ENCODER = (OFFSET, ECCENTRICITY)
 OBVIOUS: Mapping[str, tuple[tuple[float, float], ...]] = {
     **dict.fromkeys(OF_THE_JOINT, ((0.04, 0.5), (0.025, 0.8))),
     # Teeth of a wrist's small gears may make as much of its torque.
@@ -138,7 +140,7 @@ def is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
         seen &= share > TRANSMISSION_SHARE
         if gain.wald < TRANSMISSION_WALD:
             return False
-    if family.effect in (*SWALLOWED_FRICTION, *TRANSMISSIONS):
+    if family.effect in (*SWALLOWED_FRICTION, *TRANSMISSIONS, ECCENTRICITY):
         seen |= little
     if np.any(seen) and is_certainly_beyond(robot, stage, gain):
         return True

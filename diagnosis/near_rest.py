@@ -29,6 +29,7 @@ from .likelihood import Weighed, gained, gained_by_shift
 from .materiality import NEAR_REST
 from .preparation import DEAD_ZONE, Prepared
 from .presliding_at_rest import held_by_bristles
+from .standing_drive import apart_from_standing, standing_drives
 from .weighing import Stage
 
 Array = NDArray[np.float64]
@@ -59,12 +60,13 @@ class NearRest:
     """Coulomb friction fc tanh((v + l a) / w) of every joint.
 
     widths: w of the joints that are soft, rad/s (m/s). lead: l of all, s. held: joints that bristles hold, so
-    that their samples near rest count.
+    that their samples near rest count. standing: pairs of joints whose shared drive stands still at times.
     """
 
     widths: Mapping[int, float] = field(default_factory=dict)
     lead: float = 0.0
     held: frozenset[int] = frozenset()
+    standing: frozenset[tuple[int, int]] = frozenset()
 
 
 def lead_candidates(prepared: Prepared) -> list[Candidate]:
@@ -111,12 +113,14 @@ def near_rest(
     lead = _leading(stage, least, MORE * max(of_all, default=0.0), ahead)
     if lead > 0:
         # How wide it turns is told once it is known when.
-        return NearRest({}, lead)
+        return NearRest({}, lead, standing=stage.prepared.standing)
     known = {int(j): float(w) for j, w in enumerate(stage.prepared.coulomb_smoothing) if w > 0}
     widths, held = _soft(stage, least, soft), held_by_bristles(robot, stage, catalogue)
-    if not widths and not held:
+    standing = standing_drives(stage)
+    if not widths and not held and not standing:
         return None
-    return NearRest(known | widths, stage.prepared.coulomb_lead, stage.prepared.held | held - widths.keys())
+    held = stage.prepared.held | held - widths.keys()
+    return NearRest(known | widths, stage.prepared.coulomb_lead, held, stage.prepared.standing | standing)
 
 
 def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> float:
@@ -211,8 +215,10 @@ def with_friction_near_rest(prepared: Prepared, known: NearRest) -> Prepared:
             used[:, joint] &= run.away_from(joint, slowest.get(joint, DEAD_ZONE))
         for joint in known.held:
             used[:, joint] = run.whole[:, joint]
+        for pair in known.standing:
+            used[:, pair] &= apart_from_standing(run, pair)
         runs.append(replace(run, used=used, rows=rows))
-    return replace(prepared, runs=tuple(runs), held=known.held)
+    return replace(prepared, runs=tuple(runs), held=known.held, standing=known.standing)
 
 
 def _slowest(prepared: Prepared, joint: int, width: float) -> float | None:

@@ -31,8 +31,9 @@ Array = NDArray[np.float64]
 # The widest band in which gaps are sought; how slow a joint must be for its friction's sign to be unknown.
 CUTOFF = 20.0
 DEAD_ZONE = 0.02
-# The filter smears a wrong sign over half a cut-off period to either side.
-REACH_PERIODS = 0.5
+# The filter smears a wrong sign over half a cut-off period to either side. Beyond that little of it is left,
+# with the other sign, but a slow turn lasts: samples of which more than this share may be wrong do not count.
+REACH_PERIODS, MOST_SMEARED = 0.5, 0.05
 SMALLEST_RUN = 40
 # And it smears what was made up where samples are missing: between stamps this share of a cut-off period,
 # and so many steps, apart.
@@ -78,8 +79,11 @@ class Run:
         return self.apart_from(np.abs(self.logged.turning[:, joint]) <= speed, joint)
 
     def apart_from(self, doubtful: NDArray[np.bool_], joint: int) -> NDArray[np.bool_]:
-        """The samples (M,) that a joint's filter smears none of these (N,) into."""
-        return ~maximum_filter1d(doubtful, int(self.smear[joint]))[self.kept]
+        """The samples (M,) that a joint's filter smears next to none of these (N,) into."""
+        near = maximum_filter1d(doubtful, int(self.smear[joint]))[self.kept]
+        own = self.filters[joint]
+        spread = replace(own, taps=np.abs(own.taps))
+        return ~near & (spread(doubtful[:, None].astype(np.float64))[:, 0] < MOST_SMEARED)
 
     def filtered(self, columns: Array, joints: Sequence[int]) -> Array:
         """Columns (N, r, ...) of r joints at full rate, filtered and decimated like the torque."""
@@ -98,9 +102,10 @@ class Prepared:
     folds: per fold, the run's index and the samples (into its M) that belong to it. band: (n,) of the widest
     band, the share that each joint's filter leaves. encoder_torque: (n,) N·m RMS that encoders' noise
     seems to add there. thinning: one in so many is kept of the samples that hold what was passed. held:
-    joints that bristles hold, so that their samples near rest count, too. lag: by which the logs had
-    their torque late; it is as of the positions here. silent: joints whose torque never changes, of which no
-    sample counts.
+    joints that bristles hold, so that their samples near rest count, too. standing: pairs of joints whose
+    shared drive stands still at times: what holds any of that does not count there. lag: by which the logs
+    had their torque late; it is as of the positions here. silent: joints whose torque never changes, of which
+    no sample counts.
     """
 
     robot: Robot
@@ -110,6 +115,7 @@ class Prepared:
     folds: tuple[tuple[int, slice], ...]
     thinning: int
     held: frozenset[int] = frozenset()
+    standing: frozenset[tuple[int, int]] = frozenset()
     lag: TorqueLag = IN_TIME
     silent: frozenset[int] = frozenset()
 

@@ -1,7 +1,7 @@
 """Structure that the hypothesis leaves: where a free function of the motion explains what no effect does."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,14 +68,16 @@ UNTOLD = "effects that these runs do not tell for sure"
 class Unclaimed:
     """A joint's index, the regime in words, and the share of its gap that follows it.
 
-    frequency: Hz, where most of that shakes at one. nearest: the effect that explains most of it by all runs,
-    and whose name does not hold on those left out.
+    frequency: Hz, where most of that shakes at one. period: in words, where much of it repeats with the
+    position. nearest: the effect that explains most of it by all runs, and whose name does not hold on those
+    left out.
     """
 
     joint: int
     regime: str
     share: float
     frequency: float | None = None
+    period: str | None = None
     nearest: str | None = None
 
 
@@ -142,6 +144,19 @@ def _of_periods(first: Stage, last: Stage) -> Iterator[Unclaimed]:
                 yield from _if_enough(
                     first, last, joint, each.regime, each.share * float(last.held_squares[joint])
                 )
+
+
+def with_its_period(last: Stage, item: Unclaimed) -> Unclaimed:
+    """What follows nothing and shakes at no frequency, with the period in the position that much of it has.
+
+    last: with all effects taken in.
+    """
+    if item.regime != NOTHING or item.frequency is not None:
+        return item
+    for each in regime_shares(last.prepared, last.fitted.held_out, last.hypothesis.used, item.joint):
+        if each.aspect == PERIODIC and each.concentration > MORE_THAN_CHANCE and each.share > SMALLEST_SHARE:
+            return replace(item, period=each.regime)
+    return item
 
 
 def _if_enough(first: Stage, last: Stage, joint: int, regime: str, more: float) -> Iterator[Unclaimed]:

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .accepted import Accepted
+from .accepted import SLOWEST_RIPPLE, Accepted
 from .findings import Gap
+from .healthy import RIPPLE
 from .linearisation import TRANSMISSIONS
 from .unclaimed import NOTHING, UNTOLD, Unclaimed
 
@@ -23,6 +24,8 @@ EXPLAINED_OF_ALL, FARTHER_FROM_NOISE, FIT_TO_NOISE = 0.1, 4.0, 1.5
 # beyond the noise, on runs left out and on all runs together: in 1320 cases those of seven robots of eight
 # were wrong. A push leaves much where it acted otherwise, a gearbox that stiffens otherwise too.
 LEFT_FAR_FROM_NOISE, MOSTLY_CLOSED = 4.5, 0.79
+# So may teeth that make so much of a joint's squared residual: they have more harmonics than two.
+OF_TEETH = 0.9
 # Of a joint whose name does not hold, what is less than this share of its torque is nothing to explain.
 LEAST_UNMET = 0.01
 # A push alone takes this share of the gap, or of some joint's that is so many times the noise: real ones
@@ -55,7 +58,7 @@ def names_that_hold(
     for item in accepted:
         joint = item.candidate.family.joint
         seems = item.named and item.share > EXPLAINED and not item.candidate.is_event
-        is_gearbox = item.candidate.family.effect in TRANSMISSIONS
+        is_gearbox = item.candidate.family.effect in TRANSMISSIONS or _are_teeth(item)
         if seems and joint is not None and (leaves_too_much[joint] or (stays_far[joint] and not is_gearbox)):
             item = replace(item, named=False)
             nearest.setdefault(joint, item.candidate.family.effect)
@@ -68,6 +71,14 @@ def names_that_hold(
     unmet = [joint for joint in sorted(nearest) if gap.effects[joint] > LEAST_UNMET * torque[joint]]
     return kept, tuple(
         Unclaimed(joint, NOTHING, float(left[joint]), nearest=nearest[joint]) for joint in unmet
+    )
+
+
+def _are_teeth(item: Accepted) -> bool:
+    """Whether it is a ripple of a gear's teeth that explains all but its own harmonics."""
+    shape = item.candidate.member.shape
+    return (
+        item.candidate.family.effect == RIPPLE and item.share > OF_TEETH and shape["cycles"] > SLOWEST_RIPPLE
     )
 
 

@@ -138,6 +138,8 @@ def test_a_lag_that_makes_most_of_a_joints_error_is_a_drives_however_slow_the_lo
         ("backlash", 10.0, 0.0, True),
         ("backlash", 10.0, 0.8, True),
         ("backlash", 0.4, 0.0, False),
+        ("encoder_eccentricity", 0.018, 0.0, True),
+        ("encoder_eccentricity", 0.008, 0.0, False),
         ("joint_elasticity", 0.4, 0.4, True),
         # Smoothing takes away what encoders seem to add.
         ("joint_elasticity", 0.4, 0.8, False),

@@ -9,7 +9,7 @@ from diagnosis import mended_log, preparation
 from diagnosis.band import Bands
 from diagnosis.diagnose import diagnose
 from diagnosis.hypothesis import design
-from diagnosis.preparation import prepare
+from diagnosis.preparation import CUTOFF, REACH_PERIODS, prepare
 from diagnosis.report.summary import summary
 from identification.errors import InputError
 from testbench.effects import parse_injection
@@ -112,3 +112,16 @@ def test_a_narrow_band_costs_independent_samples_once(tmp_path, monkeypatch):
     # Its longer filter reaches farther into the ends.
     assert kept == pytest.approx(0.4, rel=0.15)
     np.testing.assert_allclose(narrow.independent / narrow.counts, wide.independent / wide.counts)
+
+
+@pytest.mark.parametrize(("doubtful", "beyond"), [(0.001, False), (0.1, True)])
+def test_what_is_doubtful_for_long_is_smeared_beyond_half_a_period(tmp_path, doubtful, beyond):
+    (run,) = prepare(small_arm(tmp_path), simulated_runs(small_arm(tmp_path), [], runs=1)).runs
+    rate, reach = run.logged.sample_rate, REACH_PERIODS / CUTOFF
+    is_doubtful = np.zeros(run.logged.samples, bool)
+    first = run.logged.samples // 2
+    is_doubtful[first : first + round(doubtful * rate)] = True
+    step = run.filters[0].step / rate
+    past = np.sum(~run.apart_from(is_doubtful, 0)) * step - doubtful
+    assert past > 2 * reach - step
+    assert (past > 2 * reach + step) == beyond

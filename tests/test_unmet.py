@@ -233,11 +233,21 @@ def test_a_name_that_leaves_its_joint_far_from_noise_does_not_hold(
     assert names_that_hold([soft], gap, np.array([1.0, fitted]), np.array([50.0, torque]))[0][0].named
 
 
+@pytest.mark.parametrize(
+    ("cycles", "share", "holds"), [(27.0, 0.93, True), (27.0, 0.85, False), (5.0, 0.93, False)]
+)
+def test_teeth_may_leave_the_harmonics_that_they_have_beyond_two(prepared, cycles, share, holds):
+    ripple = next(c for c in candidates(prepared, only=["transmission_ripple"]) if c.family.joint == 1)
+    teeth = replace(ripple, member=replace(ripple.member, shape={"cycles": cycles}))
+    gap = Gap(*map(np.array, ((12.0, 12.0), (10.0, 10.0), (1.0, 5.0), (1.0, 0.9))))
+    accepted = [replace(accepted_of(teeth), share=share)]
+    found, _ = names_that_hold(accepted, gap, np.array([1.0, 5.0]), np.array([50.0, 50.0]))
+    assert found[0].named == holds
+
+
 def test_what_comes_nearest_is_told_with_what_it_leaves(arm, monkeypatch):
-    runs = simulated_runs(
-        arm, [parse_injection(arm, "transmission_ripple:elbow:amplitude=1.5,cycles=12")], runs=3
-    )
-    assert [each.effect for each in diagnose(arm, runs).effects] == ["transmission_ripple"]
+    runs = simulated_runs(arm, [parse_injection(arm, "cable_spring:elbow:stiffness=4.0,rest=0.4")], runs=3)
+    assert [each.effect for each in diagnose(arm, runs).effects] == ["cable_spring"]
     # As if it left more than a robot's own law does.
     monkeypatch.setattr("diagnosis.unmet.LEFT_FAR_FROM_NOISE", 0.0)
     monkeypatch.setattr("diagnosis.unmet.MOSTLY_CLOSED", 2.0)
@@ -245,12 +255,8 @@ def test_what_comes_nearest_is_told_with_what_it_leaves(arm, monkeypatch):
     monkeypatch.setattr("diagnosis.unmet.LEAST_UNMET", 0.0)
     found = diagnose(arm, runs)
     assert found.verdict == "unknown"
-    assert re.match(
-        r"At elbow transmission ripple comes nearest and leaves \d+% of the gap: ", found.sentence
-    )
-    (reason,) = [
-        each.reason for each in found.ranked if (each.effect, each.joint) == ("transmission_ripple", 1)
-    ]
+    assert re.match(r"At elbow cable spring comes nearest and leaves \d+% of the gap: ", found.sentence)
+    (reason,) = [each.reason for each in found.ranked if (each.effect, each.joint) == ("cable_spring", 1)]
     assert reason == "fitted, but leaves too much of the gap"
 
 

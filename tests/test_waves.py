@@ -51,6 +51,17 @@ def test_a_wave_is_told_with_its_law_and_nothing_of_it_is_left(arm, effect, law,
         assert abs(quantity.value - wanted) < 4 * quantity.std, name
 
 
+@pytest.mark.parametrize("seed", [3, 4, 5, 6])
+def test_two_waves_are_told_to_what_noise_allows_on_any_motion(arm, seed):
+    """A search alone ends many deviations off: a step of Gauss and Newton's is its last."""
+    injection = parse_injection(arm, f"{RIPPLE}:elbow:{WAVES[1][2]},law=two_waves")
+    (wave,) = diagnose(arm, simulated_runs(arm, [injection], runs=3, seed=seed)).effects
+    assert wave.law == "two_waves"
+    for name in ("cycles", "second_cycles"):
+        quantity = wave.parameters[name]
+        assert abs(quantity.value - injection.values[name]) < 4 * quantity.std
+
+
 @pytest.mark.parametrize("second", [24.0, 24.3, 24.5])
 def test_two_waves_are_no_nearer_than_the_motion_tells_apart(arm, second):
     """Nearer ones cancel: of next to nothing any amplitude would come out."""

@@ -1,0 +1,60 @@
+"""Springs that pull one way: a hose with slack or a bumper is near a cable, and not in the catalogue."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from .accepted import Accepted
+from .candidates import Candidate, without_law
+from .healthy import SPRINGS
+from .likelihood import gained
+from .preparation import Prepared
+from .unclaimed import Unclaimed, share_left
+from .weighing import Stage
+
+# Per cent of a joint's positions beyond which such a spring may begin to pull.
+BEGINNINGS = np.arange(5.0, 96.0, 10.0)
+# Log-likelihood that it must gain beyond the catalogue's law: of 90 cables and gravity springs none was
+# beaten by 17, of 12 slack hoses ten by 58 and more.
+LIKELIER = 20.0
+ONE_SIDED = "a spring that pulls one way"
+
+
+def one_sided(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints where a spring that begins to pull at some position is far likelier than the one with a name.
+
+    first: re-identification alone. last: with all effects taken in.
+    """
+    found = []
+    for item in accepted:
+        joint = item.candidate.family.joint
+        if not item.named or item.candidate.family.effect not in SPRINGS or joint is None:
+            continue
+        apart = Stage.of(last.ground, [a.candidate for a in accepted if not _is_spring_of(a, joint)])
+        most = max((_gained(apart, each) for each in _springs(last.prepared, joint)), default=0.0)
+        if most > _gained(apart, item.candidate) + LIKELIER:
+            found.append(Unclaimed(joint, ONE_SIDED, 1 - float(share_left(first, last)[joint])))
+    return tuple(found)
+
+
+def _is_spring_of(item: Accepted, joint: int) -> bool:
+    """Whether it is a spring at this joint: two of them may make up for one that pulls one way."""
+    return item.candidate.family.effect in SPRINGS and item.candidate.family.joint == joint
+
+
+def _gained(apart: Stage, candidate: Candidate) -> float:
+    """The log-likelihood on runs left out that one of them gains alone."""
+    gain = apart.gain(candidate)
+    return -np.inf if gain is None else gained(apart, gain)
+
+
+def _springs(prepared: Prepared, joint: int) -> Iterator[Candidate]:
+    """Springs that pull beyond, or before, each of some positions."""
+    positions = np.concatenate([run.logged.q[:, joint] for run in prepared.runs])
+    for begins in np.percentile(positions, BEGINNINGS).tolist():
+        for side in (1.0, -1.0):
+            columns = [
+                side * np.maximum(side * (run.logged.q[:, joint] - begins), 0.0)[:, None]
+                for run in prepared.runs
+            ]
+            yield without_law(prepared, "one-sided spring", joint, columns, np.zeros(1), {"begins": begins})
