@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Member
 
 from .candidates import Candidate, candidate
-from .evidence import Fit, fit, normal_of
+from .evidence import Fit, normal_of
 from .hypothesis import Design, scaled_precision
-from .shape_search import ranges, searched_for, share_of, within
+from .shape_search import ranges, share_of, within
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,12 @@ def covariance_with_shapes(hypothesis: Design, fitted: Fit, index: int) -> Array
     if not known or effect.family.member is None:
         found[: effect.count, : effect.count] = fitted.covariance[own, own]
         return found
-    extended = _with_slopes(hypothesis, fitted, index, [names[place] for place in known])
+    slopes = slopes_by_shapes(hypothesis, fitted, index, [names[place] for place in known])
+    extended = Design(
+        hypothesis.prepared,
+        (*hypothesis.accepted, slopes),
+        np.concatenate([hypothesis.precision, np.zeros(slopes.count)]),
+    )
     information = normal_of(extended).weighted(fitted.weights)[0].sum(axis=0)
     information[np.diag_indices_from(information)] += scaled_precision(extended, fitted.prior_scales)
     scale = 1 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
@@ -46,29 +51,12 @@ def covariance_with_shapes(hypothesis: Design, fitted: Fit, index: int) -> Array
     return found
 
 
-def shape_after_a_step(hypothesis: Design, fitted: Fit, index: int) -> dict[str, float]:
-    """An effect's shape after one Gauss-Newton step beside all else, within its ranges. index: as above."""
-    effect = hypothesis.accepted[index]
-    names = searched_for(effect)
-    extended = _with_slopes(hypothesis, fitted, index, names)
-    step = fit(hypothesis.prepared, extended, like=fitted).values[extended.parts[-1]]
-    stepped = np.clip(np.array([effect.member.shape[name] for name in names]) + step, *ranges(effect, names))
-    return {**effect.member.shape, **dict(zip(names, stepped.tolist(), strict=True))}
+def slopes_by_shapes(hypothesis: Design, fitted: Fit, index: int, names: Sequence[str]) -> Candidate:
+    """Central differences of an effect's filtered torque by some of its shapes, a column each.
 
-
-def _with_slopes(hypothesis: Design, fitted: Fit, index: int, names: Sequence[str]) -> Design:
-    """The hypothesis with the slopes of one of its effects by some of its shapes, a column each, at last."""
-    own = fitted.values[hypothesis.parts[index]]
-    slopes = _slopes(hypothesis, hypothesis.accepted[index], own, names)
-    return Design(
-        hypothesis.prepared,
-        (*hypothesis.accepted, slopes),
-        np.concatenate([hypothesis.precision, np.zeros(slopes.count)]),
-    )
-
-
-def _slopes(hypothesis: Design, effect: Candidate, coefficients: Array, names: Sequence[str]) -> Candidate:
-    """Central differences of an effect's filtered torque by some of its shapes, a column each."""
+    index: of the effect among those of the hypothesis.
+    """
+    effect, coefficients = hypothesis.accepted[index], fitted.values[hypothesis.parts[index]]
     make, shape = effect.family.member, effect.member.shape
     assert make is not None
 

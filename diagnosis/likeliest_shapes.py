@@ -13,7 +13,7 @@ from testbench.effects.signature import Member
 from testbench.robot import Robot
 
 from .candidates import Candidate, candidate
-from .deviations import covariance_with_shapes, shape_after_a_step
+from .deviations import covariance_with_shapes, slopes_by_shapes
 from .evidence import Fit, fit, fitted_to
 from .ground import ground
 from .healthy import WARMING, is_plausible
@@ -60,7 +60,7 @@ def after_a_step(robot: Robot, hypothesis: Design, fitted: Fit, places: Sequence
         if not is_searched(each):
             continue
         assert each.family.member is not None
-        shaped = each.family.member(shape_after_a_step(hypothesis, last, place))
+        shaped = each.family.member(_stepped(hypothesis, last, place))
         stepped = candidate(prepared, each.family, shaped)
         trial = design(prepared, [*hypothesis.accepted[:place], stepped, *hypothesis.accepted[place + 1 :]])
         found = fit(prepared, trial, like=last)
@@ -68,6 +68,18 @@ def after_a_step(robot: Robot, hypothesis: Design, fitted: Fit, places: Sequence
         if is_likelier and is_plausible(robot, stepped, found.values[trial.parts[place]]):
             hypothesis, last = trial, found
     return (hypothesis, fitted) if last is fitted else fitted_to(prepared, hypothesis.accepted)
+
+
+def _stepped(hypothesis: Design, fitted: Fit, place: int) -> dict[str, float]:
+    """An effect's shape after one Gauss-Newton step beside all else, within its ranges."""
+    each = hypothesis.accepted[place]
+    names = searched_for(each)
+    slopes = slopes_by_shapes(hypothesis, fitted, place, names)
+    step = Stage(ground(hypothesis.prepared), hypothesis, fitted).exactly(slopes)
+    if step is None:
+        return dict(each.member.shape)
+    stepped = np.clip(np.array([each.member.shape[name] for name in names]) + step[1], *ranges(each, names))
+    return {**each.member.shape, **dict(zip(names, stepped.tolist(), strict=True))}
 
 
 def is_searched(each: Candidate) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from .accepted import Accepted
+from .bank import Bank
 from .candidates import Candidate, without_law
 from .healthy import SPRINGS
 from .likelihood import gained
@@ -31,8 +32,9 @@ def one_sided(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[
         if not item.named or item.candidate.family.effect not in SPRINGS or joint is None:
             continue
         apart = Stage.of(last.ground, [a.candidate for a in accepted if not _is_spring_of(a, joint)])
-        most = max((_gained(apart, each) for each in _springs(last.prepared, joint)), default=0.0)
-        if most > _gained(apart, item.candidate) + LIKELIER:
+        springs = Bank(last.ground, [item.candidate, *_springs(last.prepared, joint)])
+        own, *others = (-np.inf if gain is None else gained(apart, gain) for gain in apart.gains(springs))
+        if max(others) > own + LIKELIER:
             found.append(Unclaimed(joint, ONE_SIDED, 1 - float(share_left(first, last)[joint])))
     return tuple(found)
 
@@ -40,12 +42,6 @@ def one_sided(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[
 def _is_spring_of(item: Accepted, joint: int) -> bool:
     """Whether it is a spring at this joint: two of them may make up for one that pulls one way."""
     return item.candidate.family.effect in SPRINGS and item.candidate.family.joint == joint
-
-
-def _gained(apart: Stage, candidate: Candidate) -> float:
-    """The log-likelihood on runs left out that one of them gains alone."""
-    gain = apart.gain(candidate)
-    return -np.inf if gain is None else gained(apart, gain)
 
 
 def _springs(prepared: Prepared, joint: int) -> Iterator[Candidate]:

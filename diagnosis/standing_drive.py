@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from .preparation import DEAD_ZONE, Run
 from .weighing import Stage
 
-Array = NDArray[np.float64]
-
 # Share of a joint's squares that a coupling leaves where its drive stands still, so many times as much a
 # sample as elsewhere; and share of the joint's samples that must be left.
 MOST_LEFT, DENSER, FEWEST = 0.5, 4.0, 0.25
@@ -41,10 +39,8 @@ def _is_left_standing(stage: Stage, pair: tuple[int, int]) -> bool:
     apart = np.concatenate([apart_from_standing(run, pair) for run in runs])
     used = np.concatenate([run.used[:, pair] for run in runs])
     left = np.concatenate([residual[:, pair] for residual in stage.fitted.held_out]) ** 2
-    samples, samples_apart = np.sum(used, axis=0), np.sum(used & apart, axis=0)
-    share, share_of_samples = (
-        np.sum(of * ~apart, axis=0) / np.maximum(np.sum(of, axis=0), 1e-300) for of in (left, used)
-    )
-    elsewhere = DENSER * (1 - share) * share_of_samples
-    most = (share > MOST_LEFT) & (share * (1 - share_of_samples) > elsewhere)
-    return bool(np.any(most) and np.all(samples_apart > FEWEST * samples))
+    left_there, left_apart = (np.sum(left * where, axis=0) for where in (~apart, apart))
+    there, elsewhere = (np.sum(used & where, axis=0) for where in (~apart, apart))
+    most = left_there > MOST_LEFT * (left_there + left_apart)
+    denser = left_there * elsewhere > DENSER * left_apart * there
+    return bool(np.any(most & denser) and np.all(elsewhere > FEWEST * (there + elsewhere)))

@@ -11,6 +11,7 @@ from testbench.robot import Robot
 from .bank import Bank
 from .candidates import FREE
 from .evidence import fit, is_extrapolated, squares
+from .findings import RegimeShare
 from .generic import RUN_TIME
 from .healthy import SPRINGS, is_beyond_healthy
 from .hypothesis import LATE, design
@@ -139,11 +140,9 @@ def _of_free_functions(first: Stage, last: Stage, free: Bank) -> Iterator[Unclai
 def _of_periods(first: Stage, last: Stage) -> Iterator[Unclaimed]:
     """What repeats with the position, too often for a smooth function."""
     for joint in np.flatnonzero(_relative(last) > SMALLEST_TORQUE).tolist():
-        for each in regime_shares(last.prepared, last.fitted.held_out, last.hypothesis.used, joint):
-            if each.aspect == PERIODIC and each.concentration > MORE_THAN_CHANCE:
-                yield from _if_enough(
-                    first, last, joint, each.regime, each.share * float(last.held_squares[joint])
-                )
+        if (period := _period(last, joint)) is not None:
+            more = period.share * float(last.held_squares[joint])
+            yield from _if_enough(first, last, joint, period.regime, more)
 
 
 def with_its_period(last: Stage, item: Unclaimed) -> Unclaimed:
@@ -153,10 +152,17 @@ def with_its_period(last: Stage, item: Unclaimed) -> Unclaimed:
     """
     if item.regime != NOTHING or item.frequency is not None:
         return item
-    for each in regime_shares(last.prepared, last.fitted.held_out, last.hypothesis.used, item.joint):
-        if each.aspect == PERIODIC and each.concentration > MORE_THAN_CHANCE and each.share > SMALLEST_SHARE:
-            return replace(item, period=each.regime)
-    return item
+    period = _period(last, item.joint)
+    if period is None or period.share <= SMALLEST_SHARE:
+        return item
+    return replace(item, period=period.regime)
+
+
+def _period(last: Stage, joint: int) -> RegimeShare | None:
+    """The strongest period of what is left of a joint, if chance gives none as strong."""
+    shares = regime_shares(last.prepared, last.fitted.held_out, last.hypothesis.used, joint)
+    periods = (each for each in shares if each.aspect == PERIODIC)
+    return next((each for each in periods if each.concentration > MORE_THAN_CHANCE), None)
 
 
 def _if_enough(first: Stage, last: Stage, joint: int, regime: str, more: float) -> Iterator[Unclaimed]:

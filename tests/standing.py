@@ -19,12 +19,12 @@ def standing_runs(robot: Robot, options: SimulationOptions) -> dict[str, Recordi
     rng, references = np.random.default_rng(SEED), []
     for _ in range(RUNS):
         places = rng.uniform(-1.0, 1.0, (MOVES + 1, robot.joints))
-        moves = [_move(start, end) for start, end in pairwise(places)]
+        moves = [move(start, end) for start, end in pairwise(places)]
         references.append(Reference(*(np.concatenate(each) for each in zip(*moves, strict=True))))
     return {f"run_{k + 1}": run for k, run in enumerate(simulate(robot, references, options, seed=SEED))}
 
 
-def _move(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def move(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Position, velocity and acceleration (N, n) of a move and the stand after it."""
     s = np.clip(np.arange(round((MOVE + STAND) * RATE)) / (MOVE * RATE), 0.0, 1.0)[:, None]
     path = s**3 * (10 - 15 * s + 6 * s**2)

@@ -1,5 +1,7 @@
 """A hose with slack pulls one way: near a cable, but in no catalogue."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ def _hose(arm, stiffness, begins):
     for name, run in simulated_runs(arm, [], runs=3).items():
         torque = run.torque.copy()
         torque[:, ELBOW] += stiffness * np.maximum(run.position[:, ELBOW] - begins, 0.0)
-        runs[name] = type(run)(**{**vars(run), "torque": torque})
+        runs[name] = replace(run, torque=torque)
     return runs
 
 

@@ -15,7 +15,7 @@ from testbench.simulation import SensorOptions, SimulationOptions, simulate
 from testbench.simulation.reference import Reference
 
 from .diagnosed import RATE
-from .standing import MOVES, RUNS, SEED, _move
+from .standing import MOVES, RUNS, SEED, move
 
 VISCOUS, COULOMB, WIDTH, NOISE = 0.5, 0.6, 0.02, 0.01
 # Cycles a second and rad of the joints against each other, whatever their sum does.
@@ -30,7 +30,7 @@ def _runs(arm: Robot, sticks: bool) -> dict[str, Recording]:
     rng, references = np.random.default_rng(SEED), []
     for _ in range(RUNS):
         sums = np.concatenate(
-            [_move(a, b) for a, b in pairwise(rng.uniform(-1.0, 1.0, (MOVES + 1, 1)))], axis=1
+            [move(a, b) for a, b in pairwise(rng.uniform(-1.0, 1.0, (MOVES + 1, 1)))], axis=1
         )
         references.append(Reference(*_of_both(sums, _swings(sums.shape[1], rng.uniform(0, 2 * np.pi, 3)))))
     options = SimulationOptions(
