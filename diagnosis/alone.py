@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .accepted import Accepted
-from .healthy import BENDING, RIPPLE, SPRING, times_healthy
+from .healthy import BENDING, CABLE, GAIN, RIPPLE, SPRING, times_healthy
 from .likelihood import Weighed, gained_by_joint
 from .materiality import BEYOND, SMALLEST_WALD
 from .weighing import Stage
@@ -23,7 +23,13 @@ MOSTLY = 0.8
 # Of these every joint of an imperfect robot has a little. One that gains this log-likelihood alone, and has
 # so much of a healthy size, is no imperfection.
 LEAST_ALONE = 40.0
-OF_EVERY_JOINT: Mapping[str, float] = {**dict.fromkeys((SPRING, BENDING), 0.3), RIPPLE: 0.5}
+OF_EVERY_JOINT: Mapping[str, float] = {
+    **dict.fromkeys((SPRING, BENDING), 0.3),
+    **dict.fromkeys((RIPPLE, GAIN), 0.5),
+    "asymmetric_friction": 0.45,
+    # A dress pack may pull at one joint alone.
+    CABLE: 0.6,
+}
 # First moments that are not quite the model's look like springs of up to half of that, which explain less
 # than this share of what is left.
 SPRING_SIZE, SPRING_SHARE = 0.6, 0.4

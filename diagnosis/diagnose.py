@@ -13,6 +13,7 @@ from . import frames, torque_scale
 from .accepted import RESONANCE, Accepted
 from .alignment import aligned
 from .attribution import CONFUSABLE, Attribution, attribute
+from .certainty import certainty
 from .deviations import covariance_with_shapes
 from .evidence import Fit, on_whole_runs, rms, standard_values
 from .findings import LITTLE_CLOSED, Diagnosis, Gap, NamedEffect, RankedCandidate, Share
@@ -34,9 +35,6 @@ Array = NDArray[np.float64]
 PARAMETERS_SHARE = 0.12
 # ... and the error of the model as given is at least this share of the joint's torque.
 PARAMETERS_TORQUE = 0.01
-# How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases
-# (docs/blind.md): of the first that is named, of the second, and of those after it.
-NAMED = (0.97, 0.94, 0.9)
 # What would make a robot so.
 LIKELY = {
     RESONANCE: ": a base that rocks or a link that bends would",
@@ -66,9 +64,8 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     untold = [each for each in closed_without_a_name(accepted, gap, torque) if each.joint not in told]
     accepted, bursts = pushes_that_hold(accepted, gap)
     found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold, *bursts))
-    named = [index for index, item in enumerate(found.accepted) if item.named]
-    named.sort(key=lambda index: -found.accepted[index].score)
-    effects = tuple(_named(found, index) for index in named)
+    probabilities = certainty(found, gap)
+    effects = tuple(_named(found, *each) for each in probabilities.items())
     scales, excessive = torque_scale.foreign_scales(prepared), torque_scale.beyond_limits(prepared)
     # Torque in other units has another gravity, too.
     misplaced = None if scales or excessive else frames.misplaced(prepared)
@@ -89,7 +86,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         verdict=verdict,
         sentence=sentence,
         effects=effects if verdict == "effect" else (),
-        ranked=_ranked(found, verdict),
+        ranked=_ranked(found, probabilities if verdict == "effect" else {}),
         where=_where(found, only, gap, verdict),
         gap=gap,
         prepared=prepared,
@@ -174,7 +171,7 @@ def _torque(prepared: Prepared) -> Array:
     return np.sqrt(np.mean(np.concatenate([run.torque for run in prepared.runs]) ** 2, axis=0))
 
 
-def _named(found: Attribution, index: int) -> NamedEffect:
+def _named(found: Attribution, index: int, probability: float) -> NamedEffect:
     accepted: Accepted = found.accepted[index]
     hypothesis, fitted = found.hypothesis, found.fitted
     part = hypothesis.parts[index]
@@ -184,7 +181,7 @@ def _named(found: Attribution, index: int) -> NamedEffect:
         effect=family.effect,
         joint=family.joint,
         into=family.into,
-        probability=_probability(found, index),
+        probability=probability,
         parameters=family.parameters(member, fitted.values[part], covariance),
         candidate=accepted.candidate,
         confusable_with=tuple(
@@ -198,15 +195,11 @@ def _named(found: Attribution, index: int) -> NamedEffect:
     )
 
 
-def _probability(found: Attribution, index: int) -> float:
-    """Of an effect taken in: against its rivals, times how often such a name is right."""
-    score = found.accepted[index].score
-    before = sum(item.named and item.score > score for item in found.accepted)
-    return found.accepted[index].probability * NAMED[min(before, len(NAMED) - 1)]
+def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandidate, ...]:
+    """Everything that was weighed, most probable first.
 
-
-def _ranked(found: Attribution, verdict: str) -> tuple[RankedCandidate, ...]:
-    """Everything that was weighed, most probable first."""
+    told: the probability of each effect that the verdict names, by its place among those taken in.
+    """
     ranked, nearest = [], {(item.nearest, item.joint) for item in found.unknown}
     for index, accepted in enumerate(found.accepted):
         family = accepted.candidate.family
@@ -216,13 +209,13 @@ def _ranked(found: Attribution, verdict: str) -> tuple[RankedCandidate, ...]:
         if accepted.is_everywhere:
             reason = "fitted, but hardly larger than other joints' imperfections"
         if accepted.named:
-            reason = "" if verdict == "effect" else "beside a larger gap that has no name"
+            reason = "" if index in told else "beside a larger gap that has no name"
         ranked.append(
             RankedCandidate(
                 effect=family.effect,
                 joint=family.joint,
                 into=family.into,
-                probability=_probability(found, index) if accepted.named and verdict == "effect" else 0.0,
+                probability=told.get(index, 0.0),
                 score=accepted.share,
                 reason=reason,
             )

@@ -27,6 +27,9 @@ IMPERFECTION = "transmission_ripple:shoulder:amplitude=0.15,cycles=12"
         (["gravity_spring:elbow:stiffness=0.06,phase=0.5"], ["gravity_spring"]),
         (["gravity_spring:elbow:stiffness=0.02,phase=0.5"], []),
         (["gravity_spring:elbow:stiffness=0.06,phase=0.5", IMPERFECTION], []),
+        # Of what pulls at any arm, eight and five tenths.
+        (["cable_spring:elbow:stiffness=0.05,rest=0.2"], ["cable_spring"]),
+        (["cable_spring:elbow:stiffness=0.03,rest=0.2"], []),
         # Beside what has a name at another joint, that is nothing else.
         ([FAULT, "gravity_spring:elbow:stiffness=0.06,phase=0.5"], ["transmission_ripple", "gravity_spring"]),
         ([FAULT, "gravity_spring:elbow:stiffness=0.02,phase=0.5"], ["transmission_ripple"]),
@@ -85,3 +88,13 @@ def test_a_small_gravity_spring_alone_is_much_of_what_is_left(tmp_path, times, s
     gain = certain(stage, elbow, amount, share * stage.held_squares)
     best = Weighed(gain, 60.0)
     assert is_enough_alone(robot, stage, best, gain.coefficients) == expected
+
+
+@pytest.mark.parametrize(("effect", "least"), [("torque_gain_error", 0.5), ("asymmetric_friction", 0.45)])
+def test_a_part_of_a_healthy_size_is_enough_alone(tmp_path, effect, least):
+    stage, (_, elbow) = healthy_stage(small_arm(tmp_path), effect)
+    robot, torque = stage.prepared.robot, stage.ground.torque_rms
+    one = 100 * times_healthy(robot, torque, elbow, 0.01 * np.eye(elbow.count)[0])
+    for times in (0.9 * least, 1.1 * least):
+        gain = certain(stage, elbow, times / one, 0.2 * stage.held_squares)
+        assert is_enough_alone(robot, stage, Weighed(gain, 60.0), gain.coefficients) == (times > least)
