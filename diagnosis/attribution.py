@@ -45,7 +45,7 @@ from .saturation import Cut, cuts
 from .sought import Sought
 from .transmission_load import linearised_until_settled
 from .unclaimed import NOTHING, Unclaimed, unclaimed, with_its_period, without_imperfections
-from .vibration import vibrations, with_its_line, without_shaken
+from .vibration import vibrations, with_its_line, without_shaken, worth_telling
 from .weighing import Stage
 
 Array = NDArray[np.float64]
@@ -195,7 +195,7 @@ def _grown(
     # What is like something says more than that nothing was.
     alike = {each.joint for each in imitated}
     misfits = [each for each in misfits if each.regime != NOTHING or each.joint not in alike]
-    unknown = (*misfits, *imitated, *unmet)
+    unknown = (*misfits, *worth_telling(imitated), *unmet)
     accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 

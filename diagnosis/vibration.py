@@ -36,6 +36,8 @@ FROM_NONE, FROM_LINE, LIKE_LINE = 2.0, 4.0, 0.2
 LATER, LATER_SHARE = 6.0, 0.3
 # A vibration is so much of what is left, and not so much of the motion's torque, as a share of that.
 MOST, OF_MOTION = 0.5, 0.3
+# What shakes less than this share of its joint's gap is no more than that beside what has a name there.
+LEAST_TOLD = 0.02
 # Of a line's sines, singular values below this share of the largest are the same ones once more.
 WORTH_A_WAVE = 1e-3
 
@@ -58,7 +60,9 @@ def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
         for line in lines:
             gain = alone.gain(_split(item.candidate, law, line, last.prepared.runs))
             if gain is not None and not _is_one_law(gain):
-                found.append(Unclaimed(joint, VIBRATION, 1 - float(left[joint]), line))
+                # Not what is explained there beside it.
+                taken_off = share_left(first, alone)[joint] - left[joint]
+                found.append(Unclaimed(joint, VIBRATION, max(float(taken_off), 0.0), line))
                 break
     return tuple(found)
 
@@ -70,6 +74,11 @@ def without_shaken(accepted: Sequence[Accepted], found: Sequence[Unclaimed]) -> 
     """
     shaken = {each.joint for each in found if each.regime == VIBRATION}
     return [a for a in accepted if a.candidate.family.effect != LAG or a.candidate.family.joint not in shaken]
+
+
+def worth_telling(found: Sequence[Unclaimed]) -> list[Unclaimed]:
+    """What is unclaimed, without vibrations that are next to nothing of their joint's gap."""
+    return [each for each in found if each.regime != VIBRATION or each.share > LEAST_TOLD]
 
 
 def with_its_line(last: Stage, item: Unclaimed) -> Unclaimed:

@@ -25,6 +25,15 @@ def test_a_joint_that_is_shaken_at_one_frequency_has_no_lag(tmp_path, frequency,
     assert f"follows a vibration at {frequency:.1f} Hz" in found.sentence
 
 
+def test_what_shakes_a_joint_a_little_leaves_a_spring_its_name(tmp_path):
+    shaken = Injection("vibration", 1, {"size": 0.3, "frequency": 8.0, "phase": 0.3})
+    arm = small_arm(tmp_path)
+    spring = parse_injection(arm, "cable_spring:elbow:stiffness=5,rest=0.2")
+    found = diagnose(arm, simulated_runs(arm, [shaken, spring], runs=3))
+    assert [(each.effect, each.joint) for each in found.effects] == [("cable_spring", 1)]
+    assert not found.final[0].joints_with("actuator_lag")
+
+
 def test_a_lag_is_named_whatever_line_it_is_strongest_in(tmp_path):
     arm = small_arm(tmp_path)
     late = parse_injection(arm, "actuator_lag:shoulder:time_constant=0.012")
