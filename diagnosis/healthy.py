@@ -92,7 +92,7 @@ LONGEST_WARMING = 80.0
 BENDING, BENT = "nonlinear_viscous_friction", 0.1
 # From this exponent on towards one its size falls to nothing.
 LEAST_BENT = 0.7
-# And so many times that is no oil's.
+# And so many times that is no oil's, but where it explains all but all.
 MOST_BENT = 30.0
 # A kilogram is much on a small arm: there a mild payload is this share of the last link, or of the heaviest's
 # hundredth where the model has next to nothing last.
@@ -114,7 +114,8 @@ def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array, share:
     share: of its joint's squared residual that it explains.
     """
     if candidate.family.effect == BENDING:
-        return size(robot, np.zeros(robot.joints), candidate, coefficients) > MOST_BENT
+        much = size(robot, np.zeros(robot.joints), candidate, coefficients) > MOST_BENT
+        return much and share < ALL_BUT_ALL
     if candidate.family.effect == WARMING:
         return candidate.member.shape["time_constant"] < SHORTEST_WARMING
     if candidate.family.effect != OF_THE_LOAD:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accepted import SLOWEST_RIPPLE, Accepted
+from .candidates import SATURATION
 from .findings import Gap
 from .healthy import RIPPLE
 from .linearisation import TRANSMISSIONS
@@ -24,8 +25,9 @@ EXPLAINED_OF_ALL, FARTHER_FROM_NOISE, FIT_TO_NOISE = 0.1, 4.0, 1.5
 # beyond the noise, on runs left out and on all runs together: in 1320 cases those of seven robots of eight
 # were wrong. A push leaves much where it acted otherwise, a gearbox that stiffens otherwise too.
 LEFT_FAR_FROM_NOISE, MOSTLY_CLOSED = 4.5, 0.79
-# So may teeth that make so much of a joint's squared residual: they have more harmonics than two.
-OF_TEETH = 0.9
+# So may teeth and drives' limits that make so much of a joint's squared residual: the former have more
+# harmonics than two, and the latter fall with speed.
+ALL_BUT_ALL = 0.9
 # Of a joint whose name does not hold, what is less than this share of its torque is nothing to explain.
 LEAST_UNMET = 0.01
 # A push alone takes this share of the gap, or of some joint's that is so many times the noise: real ones
@@ -58,8 +60,8 @@ def names_that_hold(
     for item in accepted:
         joint = item.candidate.family.joint
         seems = item.named and item.share > EXPLAINED and not item.candidate.is_event
-        is_gearbox = item.candidate.family.effect in TRANSMISSIONS or _are_teeth(item)
-        if seems and joint is not None and (leaves_too_much[joint] or (stays_far[joint] and not is_gearbox)):
+        holds = item.candidate.family.effect in TRANSMISSIONS or _is_all_but_its_rest(item)
+        if seems and joint is not None and (leaves_too_much[joint] or (stays_far[joint] and not holds)):
             item = replace(item, named=False)
             nearest.setdefault(joint, item.candidate.family.effect)
         found.append(item)
@@ -74,12 +76,11 @@ def names_that_hold(
     )
 
 
-def _are_teeth(item: Accepted) -> bool:
-    """Whether it is a ripple of a gear's teeth that explains all but its own harmonics."""
-    shape = item.candidate.member.shape
-    return (
-        item.candidate.family.effect == RIPPLE and item.share > OF_TEETH and shape["cycles"] > SLOWEST_RIPPLE
-    )
+def _is_all_but_its_rest(item: Accepted) -> bool:
+    """Whether it is a limit, or a ripple of a gear's teeth, that explains all but what it is not quite."""
+    shape, effect = item.candidate.member.shape, item.candidate.family.effect
+    are_teeth = effect == RIPPLE and shape["cycles"] > SLOWEST_RIPPLE
+    return item.share > ALL_BUT_ALL and (are_teeth or effect == SATURATION)
 
 
 def _stays_far(gap: Gap, fitted: Array, torque: Array) -> NDArray[np.bool_]:

@@ -147,6 +147,7 @@ def test_friction_by_load_is_little_where_the_load_is(tmp_path, moved, expected)
         ("thermal_friction_drift", {"time_constant": 3.0}, 0.5, 0.9, True),
         ("thermal_friction_drift", {"time_constant": 10.0}, 0.5, 0.9, False),
         ("nonlinear_viscous_friction", {"exponent": 2.0}, 20.0, 0.9, True),
+        ("nonlinear_viscous_friction", {"exponent": 2.0}, 20.0, 0.98, False),
         ("nonlinear_viscous_friction", {"exponent": 2.0}, 1.0, 0.9, False),
     ],
 )

@@ -245,6 +245,16 @@ def test_teeth_may_leave_the_harmonics_that_they_have_beyond_two(prepared, cycle
     assert found[0].named == holds
 
 
+@pytest.mark.parametrize(("share", "holds"), [(0.93, True), (0.85, False)])
+def test_a_limit_may_leave_how_it_falls_with_speed(prepared, share, holds):
+    other = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
+    limit = replace(other, family=replace(other.family, effect="torque_saturation"))
+    gap = Gap(*map(np.array, ((12.0, 12.0), (10.0, 10.0), (1.0, 5.0), (1.0, 0.9))))
+    accepted = [replace(accepted_of(limit), share=share)]
+    found, _ = names_that_hold(accepted, gap, np.array([1.0, 5.0]), np.array([50.0, 50.0]))
+    assert found[0].named == holds
+
+
 def test_what_comes_nearest_is_told_with_what_it_leaves(arm, monkeypatch):
     runs = simulated_runs(arm, [parse_injection(arm, "cable_spring:elbow:stiffness=4.0,rest=0.4")], runs=3)
     assert [each.effect for each in diagnose(arm, runs).effects] == ["cable_spring"]
