@@ -10,7 +10,8 @@ from .findings import Gap
 # after it.
 NAMED = (0.98, 0.93)
 # Deviations are those of a model that holds. Where so many times its noise is left at a joint, it does not
-# quite, and a size within so many deviations of none may stand for what is left.
+# quite, and a size within so many deviations of none may stand for what is left. Nor does one run alone tell
+# what another would.
 LEFT, DEVIATIONS = 2.0, 20.0
 DOUBTFUL = (0.8, 0.55)
 
@@ -30,7 +31,9 @@ def certainty(found: Attribution, gap: Gap) -> dict[int, float]:
 
 
 def _is_doubtful(found: Attribution, gap: Gap, index: int) -> bool:
-    """Whether much is left at its joint, and little is known of its size."""
+    """Whether much is left at its joint, and little is known of its size; or there is one run alone."""
+    if len(found.prepared.runs) == 1:
+        return True
     joint = found.accepted[index].candidate.family.joint
     floor = np.maximum(gap.noise_floor, np.finfo(float).tiny)
     if joint is None:

@@ -64,6 +64,14 @@ def test_a_size_that_is_known_or_a_joint_that_is_explained_is_enough(found, devi
     assert list(certainty(_of_size(found, deviations), _gap(left)).values()) == list(NAMED)
 
 
+def test_one_run_alone_tells_less(arm):
+    prepared = prepare(arm, simulated_runs(arm, [], runs=1, noise=0.05))
+    spring = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == ELBOW)
+    fit = fitted_to(prepared, [spring])
+    alone = Attribution(prepared, (accepted_of(spring),), *fit, fitted_to(prepared, []), (), (), ())
+    assert certainty(alone, _gap(left=1.0)) == {0: DOUBTFUL[0]}
+
+
 def test_rivals_share_what_a_name_has(found):
     rivalled = tuple(replace(item, probability=0.6) for item in found.accepted)
     said = certainty(replace(found, accepted=rivalled), _gap(left=1.0))
