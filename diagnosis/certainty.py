@@ -1,9 +1,13 @@
 """How often a name is right: against its rivals, and by how well its joint is explained with it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from .attribution import Attribution
-from .findings import Gap
+from testbench.effects.signature import Quantity
+
+from .findings import Gap, NamedEffect
+from .healthy import SIZES
 
 # How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases and on
 # robots that others simulated (docs/blind.md, docs/other_robots.md): of the first that is named, and of those
@@ -16,29 +20,29 @@ LEFT, DEVIATIONS = 2.0, 20.0
 DOUBTFUL = (0.8, 0.55)
 
 
-def certainty(found: Attribution, gap: Gap) -> dict[int, float]:
-    """The probability, 0 to 1, of each effect that has a name, by its place among those taken in.
+def certainties(effects: Sequence[NamedEffect], gap: Gap, runs: int) -> tuple[float, ...]:
+    """The probability, 0 to 1, of each effect that has a name, the likeliest first.
 
-    gap: with all effects, by joint.
+    effects: with their probabilities against their rivals alone. gap: with all of them, by joint. runs: how
+    many tell.
     """
-    named = [index for index, item in enumerate(found.accepted) if item.named]
-    named.sort(key=lambda index: -found.accepted[index].score)
-    probabilities = {}
-    for place, index in enumerate(named):
-        levels = DOUBTFUL if _is_doubtful(found, gap, index) else NAMED
-        probabilities[index] = found.accepted[index].probability * levels[min(place, len(levels) - 1)]
-    return probabilities
+    levels = [DOUBTFUL if runs == 1 or _is_doubtful(each, gap) else NAMED for each in effects]
+    return tuple(
+        each.probability * level[min(place, len(level) - 1)]
+        for place, (each, level) in enumerate(zip(effects, levels, strict=True))
+    )
 
 
-def _is_doubtful(found: Attribution, gap: Gap, index: int) -> bool:
-    """Whether much is left at its joint, and little is known of its size; or there is one run alone."""
-    if len(found.prepared.runs) == 1:
-        return True
-    joint = found.accepted[index].candidate.family.joint
+def _is_doubtful(effect: NamedEffect, gap: Gap) -> bool:
+    """Whether much is left at its joint, and little is known of its size."""
     floor = np.maximum(gap.noise_floor, np.finfo(float).tiny)
-    if joint is None:
-        joint = int(np.argmax(gap.parameters / floor))
-    own, fitted = found.hypothesis.parts[index], found.fitted
-    size = fitted.values[own]
-    squared = float(size @ np.linalg.pinv(fitted.covariance[own, own], hermitian=True) @ size)
-    return bool(gap.effects[joint] > LEFT * floor[joint] and squared < DEVIATIONS**2)
+    joint = int(np.argmax(gap.parameters / floor)) if effect.joint is None else effect.joint
+    names = SIZES.get(effect.effect, (next(iter(effect.parameters)),))
+    known = max(_deviations(effect.parameters[name]) for name in names)
+    return bool(gap.effects[joint] > LEFT * floor[joint] and known < DEVIATIONS)
+
+
+def _deviations(size: Quantity) -> float:
+    """How many stated deviations a size, or the largest of several, is from none."""
+    value, std = np.atleast_1d(np.abs(size.value)), np.atleast_1d(size.std)
+    return float(np.max(value / np.maximum(std, np.finfo(float).tiny)))

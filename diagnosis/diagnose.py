@@ -13,7 +13,7 @@ from . import frames, torque_scale
 from .accepted import RESONANCE, Accepted
 from .alignment import aligned
 from .attribution import CONFUSABLE, Attribution, attribute
-from .certainty import certainty
+from .certainty import certainties
 from .deviations import covariance_with_shapes
 from .evidence import Fit, on_whole_runs, rms, standard_values
 from .findings import LITTLE_CLOSED, Diagnosis, Gap, NamedEffect, RankedCandidate, Share
@@ -64,8 +64,11 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     untold = [each for each in closed_without_a_name(accepted, gap, torque) if each.joint not in told]
     accepted, bursts = pushes_that_hold(accepted, gap)
     found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold, *bursts))
-    probabilities = certainty(found, gap)
-    effects = tuple(_named(found, *each) for each in probabilities.items())
+    named = [index for index, item in enumerate(found.accepted) if item.named]
+    named.sort(key=lambda index: -found.accepted[index].score)
+    effects = tuple(_named(found, index) for index in named)
+    probabilities = certainties(effects, gap, len(prepared.runs))
+    effects = tuple(replace(each, probability=p) for each, p in zip(effects, probabilities, strict=True))
     scales, excessive = torque_scale.foreign_scales(prepared), torque_scale.beyond_limits(prepared)
     # Torque in other units has another gravity, too.
     misplaced = None if scales or excessive else frames.misplaced(prepared)
@@ -86,7 +89,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         verdict=verdict,
         sentence=sentence,
         effects=effects if verdict == "effect" else (),
-        ranked=_ranked(found, probabilities if verdict == "effect" else {}),
+        ranked=_ranked(found, dict(zip(named, probabilities, strict=True)) if verdict == "effect" else {}),
         where=_where(found, only, gap, verdict),
         gap=gap,
         prepared=prepared,
@@ -171,7 +174,7 @@ def _torque(prepared: Prepared) -> Array:
     return np.sqrt(np.mean(np.concatenate([run.torque for run in prepared.runs]) ** 2, axis=0))
 
 
-def _named(found: Attribution, index: int, probability: float) -> NamedEffect:
+def _named(found: Attribution, index: int) -> NamedEffect:
     accepted: Accepted = found.accepted[index]
     hypothesis, fitted = found.hypothesis, found.fitted
     part = hypothesis.parts[index]
@@ -181,7 +184,7 @@ def _named(found: Attribution, index: int, probability: float) -> NamedEffect:
         effect=family.effect,
         joint=family.joint,
         into=family.into,
-        probability=probability,
+        probability=accepted.probability,
         parameters=family.parameters(member, fitted.values[part], covariance),
         candidate=accepted.candidate,
         confusable_with=tuple(
