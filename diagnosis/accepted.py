@@ -65,14 +65,18 @@ def without_rests(accepted: Sequence[Accepted]) -> list[Accepted]:
     No counterbalance is quite a sine: where one law all but explains what is left, the others are its rest.
     """
 
-    def is_rest(item: Accepted) -> bool:
-        others = (a for a in accepted if _is_other_law(a, item))
-        return _is_of_position(item) and any(a.share > max(item.share, _all_but_all(a)) for a in others)
+    return [item for item in accepted if not (item.named and is_rest(item, accepted))]
 
-    def _all_but_all(law: Accepted) -> float:
-        return HOSE if law.candidate.family.effect == CABLE else ONE_LAW
 
-    return [item for item in accepted if not is_rest(item)]
+def is_rest(item: Accepted, accepted: Sequence[Accepted]) -> bool:
+    """Whether it is a law of position at a joint that another one, which has a name, all but explains."""
+    others = (a for a in accepted if a.named and _is_other_law(a, item))
+    return _is_of_position(item) and any(a.share > max(item.share, _all_but_all(a)) for a in others)
+
+
+def _all_but_all(law: Accepted) -> float:
+    """The share of a joint's squared residual that is all of a law but its rest."""
+    return HOSE if law.candidate.family.effect == CABLE else ONE_LAW
 
 
 def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
@@ -82,7 +86,8 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
     """
     found = []
     for joint in range(first.prepared.joints):
-        laws = [a for a in accepted if a.candidate.family.joint == joint and _is_of_position(a)]
+        named = (a for a in accepted if a.named and a.candidate.family.joint == joint)
+        laws = [a for a in named if _is_of_position(a)]
         if len({item.candidate.family.effect for item in laws}) > 1:
             found.append(Unclaimed(joint, "position", 1 - float(share_left(first, last)[joint])))
     return tuple(found)
@@ -152,9 +157,9 @@ def _is_coupling(item: Accepted) -> bool:
 
 
 def _is_of_position(item: Accepted) -> bool:
-    """Whether it is named, and a spring, or a ripple too slow for the teeth of any gear."""
+    """Whether it is a spring, or a ripple too slow for the teeth of any gear."""
     slow = item.candidate.member.shape.get("cycles", np.inf) < SLOWEST_RIPPLE
-    return item.named and (item.candidate.family.effect in SPRINGS or slow)
+    return item.candidate.family.effect in SPRINGS or slow
 
 
 def _is_other_law(one: Accepted, other: Accepted) -> bool:

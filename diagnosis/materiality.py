@@ -66,7 +66,7 @@ SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # What acts near rest, where samples do not count, shows little of itself: this share of the torque is
 # enough where it is most of what is left, and its size is certain. So does friction of a load that hardly
 # changes, and an offset, which first moments take up.
-NEAR_REST, LITTLE_TORQUE, MOST_LEFT = "stribeck_friction", 0.002, 0.5
+NEAR_REST, LITTLE_TORQUE, MOST_LEFT = "stribeck_friction", 0.002, 0.4
 # Whatever its size in its own terms, no healthy joint has one of these that is this share of its torque and
 # this share of what is left there: less torque, of a larger share. Of a wrist's torque cables may be as much.
 # What other imperfections of a loaded joint make of an encoder's is never most of what is left there.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from identification.parameters import OFFSET as OFFSET_TORQUE
 from testbench.robot import Robot
 
-from .accepted import COUPLING, Accepted
+from .accepted import COUPLING, Accepted, is_rest
 from .alone import OF_EVERY_JOINT, is_alone
 from .candidates import SATURATION, Candidate
 from .evidence import Fit, fitted_to, squares
@@ -170,7 +170,7 @@ def told_apart_at_last(
     hidden = [
         place
         for place, (item, own) in enumerate(zip(accepted, last.hypothesis.parts, strict=True))
-        if not (item.named or item.is_everywhere or item.is_trace)
+        if not (item.named or item.is_everywhere or item.is_trace or is_rest(item, accepted))
         and item.is_certain
         and (
             item.candidate.family.effect in OF_EVERY_JOINT

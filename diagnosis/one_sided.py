@@ -27,16 +27,22 @@ def one_sided(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[
     first: re-identification alone. last: with all effects taken in.
     """
     found = []
-    for item in accepted:
-        joint = item.candidate.family.joint
-        if not item.named or item.candidate.family.effect not in SPRINGS or joint is None:
-            continue
+    named = [a.candidate for a in accepted if a.named and a.candidate.family.effect in SPRINGS]
+    for joint in sorted({each.family.joint for each in named if each.family.joint is not None}):
         apart = Stage.of(last.ground, [a.candidate for a in accepted if not _is_spring_of(a, joint)])
-        springs = Bank(last.ground, [item.candidate, *_springs(last.prepared, joint)])
-        own, *others = (-np.inf if gain is None else gained(apart, gain) for gain in apart.gains(springs))
-        if max(others) > own + LIKELIER:
+        own = [each for each in named if each.family.joint == joint]
+        best, best_one_sided = (
+            _most_gained(apart, each) for each in (own, [*_springs(last.prepared, joint)])
+        )
+        if best_one_sided > best + LIKELIER:
             found.append(Unclaimed(joint, ONE_SIDED, 1 - float(share_left(first, last)[joint])))
     return tuple(found)
+
+
+def _most_gained(stage: Stage, springs: Sequence[Candidate]) -> float:
+    """The log-likelihood that the best of these gains."""
+    gains = stage.gains(Bank(stage.ground, springs))
+    return max(-np.inf if gain is None else gained(stage, gain) for gain in gains)
 
 
 def _is_spring_of(item: Accepted, joint: int) -> bool:

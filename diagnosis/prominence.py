@@ -111,8 +111,8 @@ def is_main(
         # At a coupling's other joint it must be as much as anywhere, too.
         if family.joint in named or not is_second:
             return is_second
-        # But no law of speeds leaves a spring.
-        if family.effect in SPRINGS and is_certainly_beyond(robot, stage, gain, SECOND_BEYOND):
+        # But no law of speeds leaves one of positions.
+        if family.effect in (*SPRINGS, RIPPLE) and is_certainly_beyond(robot, stage, gain, SECOND_BEYOND):
             return True
     if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
         return True

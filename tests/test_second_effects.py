@@ -176,8 +176,11 @@ def test_a_gain_error_is_no_rest_of_friction_that_does_not_follow_the_load(tmp_p
     assert _is_named(arm, stage, gain, [named]) == expected
 
 
-@pytest.mark.parametrize(("name", "expected"), [("cable_spring", True), ("stribeck_friction", False)])
-def test_a_coupling_leaves_no_spring_at_its_other_joint(tmp_path, name, expected):
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("cable_spring", True), ("transmission_ripple", True), ("stribeck_friction", False)],
+)
+def test_a_coupling_leaves_no_law_of_position_at_its_other_joint(tmp_path, name, expected):
     arm = small_arm(tmp_path)
     stage, (_, own) = healthy_stage(arm, name)
     gain = _of_size(arm, stage, own, 4.0, 0.021, 0.52)

@@ -10,6 +10,7 @@ import pytest
 from diagnosis.accepted import (
     MANY,
     RESONANCE,
+    is_rest,
     laws_of_position,
     many_laws,
     out_of_bounds,
@@ -67,6 +68,18 @@ def test_two_laws_of_position_are_none_unless_one_all_but_explains_the_joint(
     assert [each.candidate.family.effect for each in found] == names[:kept]
     stage = Stage.of(ground(prepared), [])
     assert [each.joint for each in laws_of_position(stage, stage, found)] == joints
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.97, True), (0.9, False)])
+def test_a_rest_of_a_law_of_position_is_one_whether_it_has_a_name_or_not(prepared, share, expected):
+    cable, spring = (
+        next(accepted_of(c) for c in candidates(prepared, only=[name]) if c.family.joint == 1)
+        for name in ("cable_spring", "gravity_spring")
+    )
+    cable, spring = replace(cable, share=share), replace(spring, share=0.7, named=False)
+    assert is_rest(spring, [cable, spring]) == expected
+    # Beside what has no name itself it is none.
+    assert not is_rest(spring, [replace(cable, named=False), spring])
 
 
 @pytest.mark.parametrize(

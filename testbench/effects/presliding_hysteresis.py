@@ -54,7 +54,7 @@ BREAKAWAY = 0.7
 BRISTLE_DAMPING_RATIO = 0.1
 DISPLACEMENTS = (0.0003, 0.001, 0.002, 0.004, 0.008)
 # What is refined may be stiffer: a healthy joint's bristles look like these where the range ends at them.
-SHORTEST, LONGEST = 0.00005, 0.03
+SHORTEST = 0.00005
 # Beside Dahl's own of one, which is met most: bearings yield longer, what sticks and breaks not as long. The
 # latter looks much like his own, so that the former alone is looked for first.
 LIKELY_EXPONENT, EXPONENTS = 2.0, (0.2, 3.0)
@@ -122,7 +122,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         joint=joint,
         members=tuple(member(each) for each in shapes),
         parameters=_parameters,
-        refine={"displacement": (SHORTEST, LONGEST), "exponent": EXPONENTS},
+        refine={"displacement": (SHORTEST, DISPLACEMENTS[-1]), "exponent": EXPONENTS},
         member=member,
     )
 
