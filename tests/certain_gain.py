@@ -6,6 +6,7 @@ import numpy as np
 
 from diagnosis.candidates import candidates
 from diagnosis.ground import ground
+from diagnosis.healthy import times_healthy
 from diagnosis.preparation import prepare
 from diagnosis.weighing import Stage
 
@@ -25,6 +26,16 @@ def certain(stage, own, amount, squared, wald=400.0):
         information=wald / amount**2 * np.eye(own.count),
         held_out=squared,
     )
+
+
+def of_size(arm, stage, own, times, torque, left):
+    """A certain gain, so many times a healthy joint's; its shares of its joint's torque and rest."""
+    unit = np.eye(own.count)[0]
+    joint = own.family.joint
+    squared = squares(stage, torque) * np.eye(arm.joints)[joint]
+    stage.held_squares[joint] = squared[joint] / left
+    amount = times / times_healthy(arm, stage.ground.torque_rms, own, unit)
+    return certain(stage, own, amount, squared)
 
 
 def healthy_stage(arm, name):

@@ -17,7 +17,7 @@ from diagnosis.prominence import is_main
 from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
-from .certain_gain import certain, healthy_stage, squares
+from .certain_gain import certain, healthy_stage, of_size, squares
 from .diagnosed import measured_only, simulated_runs
 from .small_arm import small_arm
 
@@ -37,6 +37,18 @@ def test_what_takes_more_torque_than_any_healthy_joint_has_is_obvious(tmp_path, 
     text = f"transmission_ripple:shoulder:amplitude={amplitude},cycles=12"
     arm = small_arm(tmp_path)
     assert is_obvious(arm, *_weighed(arm, text, lambda member: True)) == expected
+
+
+@pytest.mark.parametrize(
+    ("torque", "left", "expected"), [(0.003, 0.45, True), (0.003, 0.35, False), (0.001, 0.45, False)]
+)
+def test_what_acts_near_rest_need_be_little_torque_where_it_is_much_of_what_is_left(
+    tmp_path, torque, left, expected
+):
+    arm = small_arm(tmp_path)
+    stage, (own, _) = healthy_stage(arm, "stribeck_friction")
+    gain = of_size(arm, stage, own, 2.0, torque, left)
+    assert is_material(arm, stage, Weighed(gain, 60.0)) == expected
 
 
 @pytest.mark.parametrize(("friction", "expected"), [(1.0, True), (0.0, False)])

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from diagnosis.candidates import candidates
-from diagnosis.healthy import times_healthy
 from diagnosis.likelihood import Weighed
 from diagnosis.prominence import is_main
 from diagnosis.weighing import Stage
 
-from .certain_gain import certain, healthy_stage, squares
+from .certain_gain import certain, healthy_stage, of_size, squares
 from .small_arm import small_arm
 
 
@@ -34,16 +33,6 @@ def test_a_second_effect_of_a_joint_is_told_from_the_firsts_rest_by_its_size(
     stage.held_squares[0] = squared[0] / 0.6
     (named,) = candidates(stage.prepared, only=["stribeck_friction"])[:1]
     assert _is_named(arm, stage, certain(stage, own, amount, squared), [named]) == expected
-
-
-def _of_size(arm, stage, own, times, torque, left):
-    """A certain gain, so many times a healthy joint's; its shares of its joint's torque and rest."""
-    unit = np.eye(own.count)[0]
-    joint = own.family.joint
-    squared = squares(stage, torque) * np.eye(arm.joints)[joint]
-    stage.held_squares[joint] = squared[joint] / left
-    amount = times / times_healthy(arm, stage.ground.torque_rms, own, unit)
-    return certain(stage, own, amount, squared)
 
 
 def _is_named(arm, stage, gain, firsts, before=100.0):
@@ -71,14 +60,14 @@ def test_much_friction_that_the_parameters_swallow_is_no_rest_of_a_joints_first_
     arm = small_arm(tmp_path)
     stage, (own, _) = healthy_stage(arm, name)
     ripple = next(c for c in candidates(stage.prepared, only=["transmission_ripple"]) if c.family.joint == 0)
-    gain = _of_size(arm, stage, own, times, 0.0025, left)
+    gain = of_size(arm, stage, own, times, 0.0025, left)
     assert _is_named(arm, stage, gain, [ripple]) == expected
 
 
 def test_a_coupling_leaves_a_rest_at_both_of_its_joints(tmp_path):
     arm = small_arm(tmp_path)
     stage, (_, own) = healthy_stage(arm, "asymmetric_friction")
-    gain = _of_size(arm, stage, own, 2.0, 0.0025, 0.34)
+    gain = of_size(arm, stage, own, 2.0, 0.0025, 0.34)
     coupling = candidates(stage.prepared, only=["joint_coupling"])[0]
     assert (coupling.family.joint, coupling.family.into) == (0, 1)
     assert not _is_named(arm, stage, gain, [coupling])
@@ -90,7 +79,7 @@ def test_an_eccentric_encoder_is_no_rest_of_a_coupling(tmp_path, times, expected
     arm = small_arm(tmp_path)
     stage, (_, own) = healthy_stage(arm, "encoder_eccentricity")
     coupling = candidates(stage.prepared, only=["joint_coupling"])[0]
-    gain = _of_size(arm, stage, own, times, 0.004, 0.25)
+    gain = of_size(arm, stage, own, times, 0.004, 0.25)
     assert _is_named(arm, stage, gain, [coupling]) == expected
 
 
@@ -104,7 +93,7 @@ def test_what_a_second_effect_does_to_joints_that_the_first_leaves_alone_is_no_r
     stage, (own, _) = healthy_stage(arm, "encoder_offset")
     (named,) = [c for c in candidates(stage.prepared, only=[first]) if c.family.joint == 0][:1]
     assert (1 in named.member.rows) != expected
-    gain = _of_size(arm, stage, own, 2.0, 0.0005, 0.02)
+    gain = of_size(arm, stage, own, 2.0, 0.0005, 0.02)
     at_the_other = gain.held_out[0] * np.array([1.0, 0.0])
     at_the_other[1] = squares(stage, 0.01)[1]
     stage.held_squares[1] = at_the_other[1] / 0.8
@@ -121,7 +110,7 @@ def test_an_elasticity_beside_a_play_of_its_joint_is_most_of_what_that_leaves(
     arm = small_arm(tmp_path)
     stage, (own, _) = healthy_stage(arm, "joint_elasticity")
     named = next(c for c in candidates(stage.prepared, only=[first]) if c.family.joint == 0)
-    gain = _of_size(arm, stage, own, 2.0, 0.01, left)
+    gain = of_size(arm, stage, own, 2.0, 0.01, left)
     assert _is_named(arm, stage, gain, [named], before=1.0) == expected
 
 
@@ -141,7 +130,7 @@ def test_a_cable_that_is_little_of_the_rest_or_of_the_torque_is_beyond_what_ever
 ):
     arm = small_arm(tmp_path)
     stage, (own, _) = healthy_stage(arm, "cable_spring")
-    gain = _of_size(arm, stage, own, times, torque, left)
+    gain = of_size(arm, stage, own, times, torque, left)
     gain = replace(gain, overlap=0.99, prior=stage.prior + shift)
     assert _is_named(arm, stage, gain, [], before=1.0) == expected
 
@@ -155,7 +144,7 @@ def test_a_shift_of_the_parameters_tells_a_second_effect_from_the_firsts_rest(
     arm = small_arm(tmp_path)
     stage, (own, _) = healthy_stage(arm, "asymmetric_friction")
     play = next(c for c in candidates(stage.prepared, only=["backlash"]) if c.family.joint == 0)
-    gain = _of_size(arm, stage, own, times, 0.02, 0.07)
+    gain = of_size(arm, stage, own, times, 0.02, 0.07)
     assert _is_named(arm, stage, replace(gain, prior=stage.prior + shift), [play]) == expected
 
 
@@ -172,7 +161,7 @@ def test_a_gain_error_is_no_rest_of_friction_that_does_not_follow_the_load(tmp_p
     arm = small_arm(tmp_path)
     stage, (own, _) = healthy_stage(arm, "torque_gain_error")
     named = next(c for c in candidates(stage.prepared, only=[first]) if c.family.joint == 0)
-    gain = _of_size(arm, stage, own, times, 0.002, 0.05)
+    gain = of_size(arm, stage, own, times, 0.002, 0.05)
     assert _is_named(arm, stage, gain, [named]) == expected
 
 
@@ -183,6 +172,6 @@ def test_a_gain_error_is_no_rest_of_friction_that_does_not_follow_the_load(tmp_p
 def test_a_coupling_leaves_no_law_of_position_at_its_other_joint(tmp_path, name, expected):
     arm = small_arm(tmp_path)
     stage, (_, own) = healthy_stage(arm, name)
-    gain = _of_size(arm, stage, own, 4.0, 0.021, 0.52)
+    gain = of_size(arm, stage, own, 4.0, 0.021, 0.52)
     coupling = candidates(stage.prepared, only=["joint_coupling"])[0]
     assert _is_named(arm, stage, gain, [coupling]) == expected
