@@ -61,7 +61,8 @@ def minimisers(matrix: Array, right: Array, size: Array, lower: Array, upper: Ar
 
     size: (C, k) of A's diagonal before anything was taken off: rounding may leave less than nothing of it.
     """
-    scale = np.sqrt(np.maximum(np.einsum("caa->ca", matrix), RIDGE * size))
+    least = np.maximum(RIDGE * size, np.finfo(float).tiny)
+    scale = np.sqrt(np.maximum(np.einsum("caa->ca", matrix), least))
     scaled = matrix / (scale[:, :, None] * scale[:, None, :]) + SMALL_RIDGE * np.eye(right.shape[1])
     target = right / scale
     free = np.linalg.solve(scaled, target[:, :, None])[:, :, 0]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.bounded import solve
+from diagnosis.bounded import minimisers, solve
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -25,3 +25,13 @@ def test_the_minimum_within_bounds_has_no_way_down(seed):
     assert np.all(slope[found > lower + rounding] < rounding)
     assert np.all(slope[found < upper - rounding] > -rounding)
     assert np.any(np.abs(slope) > rounding)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_column_that_is_next_to_nothing_has_no_coefficient():
+    """A law that has died out everywhere but for a denormal number, beside one that acts."""
+    squares = np.array([[2e-314], [4.0]])
+    matrix, right = np.array([[[0.0]], [[4.0]]]), np.array([[0.0], [8.0]])
+    lower, upper = np.zeros((2, 1)), np.full((2, 1), np.inf)
+    found = minimisers(matrix, right, squares, lower, upper)
+    assert found[:, 0] == pytest.approx([0.0, 2.0])
