@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from .accepted import Accepted
-from .healthy import BENDING, CABLE, GAIN, RIPPLE, SPRING, times_healthy
+from .healthy import BENDING, CABLE, GAIN, RIPPLE, SPRING, WARMING, times_healthy
 from .likelihood import Weighed, gained_by_joint
 from .materiality import BEYOND, SMALLEST_WALD
 from .weighing import Stage
@@ -27,6 +27,7 @@ OF_EVERY_JOINT: Mapping[str, float] = {
     **dict.fromkeys((SPRING, BENDING), 0.3),
     **dict.fromkeys((RIPPLE, GAIN), 0.5),
     "asymmetric_friction": 0.45,
+    WARMING: 0.7,
     # A dress pack may pull at one joint alone.
     CABLE: 0.6,
 }

@@ -90,7 +90,10 @@ def test_a_small_gravity_spring_alone_is_much_of_what_is_left(tmp_path, times, s
     assert is_enough_alone(robot, stage, best, gain.coefficients) == expected
 
 
-@pytest.mark.parametrize(("effect", "least"), [("torque_gain_error", 0.5), ("asymmetric_friction", 0.45)])
+@pytest.mark.parametrize(
+    ("effect", "least"),
+    [("torque_gain_error", 0.5), ("asymmetric_friction", 0.45), ("thermal_friction_drift", 0.7)],
+)
 def test_a_part_of_a_healthy_size_is_enough_alone(tmp_path, effect, least):
     stage, (_, elbow) = healthy_stage(small_arm(tmp_path), effect)
     robot, torque = stage.prepared.robot, stage.ground.torque_rms
