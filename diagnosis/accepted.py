@@ -64,7 +64,6 @@ def without_rests(accepted: Sequence[Accepted]) -> list[Accepted]:
 
     No counterbalance is quite a sine: where one law all but explains what is left, the others are its rest.
     """
-
     return [item for item in accepted if not (item.named and is_rest(item, accepted))]
 
 
