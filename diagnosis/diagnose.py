@@ -223,6 +223,8 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
                 reason=reason,
             )
         )
+        # Where a name is less certain, its rivals are as well.
+        certain = told.get(index, accepted.probability) / accepted.probability
         for rival, probability in accepted.rivals:
             other = rival.candidate.family
             ranked.append(
@@ -230,7 +232,7 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
                     other.effect,
                     other.joint,
                     other.into,
-                    probability,
+                    certain * probability,
                     rival.score,
                     f"less likely than {family.effect}",
                 )

@@ -1,9 +1,12 @@
 """An arm whose axes are all parallel feels no turn of its base but one about them, which is an offset."""
 
 import numpy as np
+import pytest
 
 from diagnosis.attribution import CONFUSABLE, attribute
 from diagnosis.candidates import candidates
+from diagnosis.certainty import DOUBTFUL, NAMED
+from diagnosis.diagnose import diagnose
 from diagnosis.preparation import prepare
 from testbench.effects import parse_injection
 
@@ -30,3 +33,12 @@ def test_a_tilt_and_an_offset_of_the_first_joint_are_told_as_one(tmp_path):
     said = {first.candidate.family.effect: first.probability}
     said |= {rival.candidate.family.effect: share for rival, share in first.rivals}
     assert {"base_tilt", "encoder_offset"} <= {name for name, share in said.items() if share > CONFUSABLE}
+
+
+@pytest.mark.parametrize(("runs", "level"), [(1, DOUBTFUL[0]), (3, NAMED[0])])
+def test_a_name_and_its_rivals_share_what_a_name_has(tmp_path, runs, level):
+    arm = small_arm(tmp_path, PLANAR)
+    tilted = simulated_runs(arm, [parse_injection(arm, "base_tilt::pitch=0.08,roll=0")], runs=runs)
+    ranked = [each for each in diagnose(arm, tilted).ranked if each.probability > CONFUSABLE]
+    assert {each.effect for each in ranked} == {"base_tilt", "encoder_offset"}
+    assert sum(each.probability for each in ranked) == pytest.approx(level, abs=0.01)
