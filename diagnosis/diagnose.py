@@ -10,24 +10,24 @@ from testbench.log import Recording
 from testbench.robot import Robot
 
 from . import frames, torque_scale
-from .accepted import RESONANCE, Accepted
+from .accepted import Accepted
 from .alignment import aligned
 from .attribution import CONFUSABLE, Attribution, attribute
 from .certainty import certainties
 from .deviations import covariance_with_shapes
 from .evidence import Fit, on_whole_runs, rms, standard_values
-from .findings import LITTLE_CLOSED, Diagnosis, Gap, NamedEffect, RankedCandidate, Share
+from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
 from .healthy import OFFSET
 from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
 from .misleading import without_misleading
 from .noise import noise
-from .one_sided import ONE_SIDED
 from .preparation import Prepared
 from .recurrence import recurrence
-from .unclaimed import NOTHING, UNTOLD, Unclaimed
+from .unclaimed import NOTHING
 from .unmet import closed_without_a_name, names_that_hold, pushes_that_hold
+from .verdict_in_words import sentence_of, unclaimed_in_words
 
 Array = NDArray[np.float64]
 
@@ -35,15 +35,8 @@ Array = NDArray[np.float64]
 PARAMETERS_SHARE = 0.12
 # ... and the error of the model as given is at least this share of the joint's torque.
 PARAMETERS_TORQUE = 0.01
-# What would make a robot so.
-LIKELY = {
-    RESONANCE: ": a base that rocks or a link that bends would",
-    ONE_SIDED: ": a hose with slack or a bumper would",
-}
 # What follows nothing is the verdict where no effect explains this share of it.
 FAR_LESS = 0.2
-# What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
-NEXT_TO_NOTHING = 0.005
 
 
 def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
@@ -77,8 +70,8 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         misplaced = None
     if misplaced is None:
         verdict = _verdict(found, gap)
-        sentence = torque_scale.in_words(robot, scales, excessive) + _sentence(
-            robot, verdict, effects, found, gap
+        sentence = torque_scale.in_words(robot, scales, excessive) + sentence_of(
+            robot, verdict, effects, found.unknown, gap
         )
     else:
         # Beside such a gap whatever has a name stands for a part of it.
@@ -98,7 +91,7 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         parameters=standard_values(prepared, fitted.values),
         timing=float(fitted.values[hypothesis.timing]),
         not_observable=found.hidden,
-        notes=tuple(_unclaimed_in_words(robot, item) for item in found.unknown),
+        notes=tuple(unclaimed_in_words(robot, item) for item in found.unknown),
         recurrence=recurrence(hypothesis, fitted),
         everywhere=tuple(
             (a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.is_everywhere
@@ -246,58 +239,3 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
     for item in sorted(ranked, key=lambda r: -r.probability):
         seen.setdefault((item.effect, item.joint, item.into), item)
     return tuple(seen.values())
-
-
-def _unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
-    if item.nearest is not None:
-        nearest = f"{robot.joint_names[item.joint]} {item.nearest.replace('_', ' ')} comes nearest"
-        left = f"leaves {np.sqrt(item.share):.0%} of the gap"
-        return f"{nearest} and {left}: no effect of the catalogue explains it"
-    if item.regime == NOTHING and item.share < NEXT_TO_NOTHING:
-        joint = robot.joint_names[item.joint]
-        return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"
-    if item.regime == UNTOLD:
-        return f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {UNTOLD}"
-    followed = item.regime if item.regime in (NOTHING, ONE_SIDED) else f"the joint's {item.regime}"
-    likely = LIKELY.get(item.regime, "")
-    if item.period is not None:
-        followed = f"the joint's {item.period}"
-    if item.frequency is not None:
-        followed = f"a vibration at {item.frequency:.1f} Hz"
-        likely = ": a floor or a fan that shakes it would, or a load that swings"
-    place = f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {followed}"
-    return f"{place}, and no effect of the catalogue explains it{likely}"
-
-
-def _sentence(
-    robot: Robot, verdict: str, effects: Sequence[NamedEffect], found: Attribution, gap: Gap
-) -> str:
-    if verdict == "none":
-        return "The model explains these logs as well as one re-identified from them."
-    if verdict == "parameters":
-        return "Re-identified parameters explain these logs; no effect beyond them is needed."
-    if verdict == "unknown":
-        return f"At {_unclaimed_in_words(robot, found.unknown[0])}."
-    parts = []
-    for effect in effects:
-        place = "" if effect.joint is None else f" at {robot.joint_names[effect.joint]}"
-        parts.append(f"{effect.effect.replace('_', ' ')}{place}")
-    if not any(effect.candidate.shows for effect in effects):
-        # A drive that reports what it gave: see flat_top.py.
-        named = ", ".join(parts)
-        return f"There is {named}: along the measured motion it leaves no gap, in closed loop it does."
-    return f"The gap comes from {', '.join(parts)}; {shrunk_in_words(robot, effects[0].joint, gap)}."
-
-
-def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
-    """How far the effects shrink the gap; joint: that of the first."""
-    closed, place = gap.told_closed, ""
-    little = gap.closed is None or gap.closed < LITTLE_CLOSED
-    if little and joint is not None and (own := gap.closed_at(joint)) is not None and own >= LITTLE_CLOSED:
-        # Of all joints' torque most may be another's, whose parameters foretell one run better than another.
-        closed, place = own, f" at {robot.joint_names[joint]}"
-    if closed is None:
-        return "re-identified parameters leave little but noise along these motions"
-    if closed <= 0:
-        return "on runs left out it explains no more than re-identified parameters do"
-    return f"it explains {closed:.0%} of what re-identified parameters leave{place} above the noise"

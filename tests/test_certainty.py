@@ -9,6 +9,7 @@ from diagnosis.candidates import candidates
 from diagnosis.certainty import DEVIATIONS, DOUBTFUL, LEFT, NAMED, certainties
 from diagnosis.findings import Gap, NamedEffect
 from diagnosis.preparation import prepare
+from diagnosis.verdict_in_words import sentence_of
 from testbench.effects.signature import Quantity
 
 from .diagnosed import simulated_runs
@@ -68,3 +69,17 @@ def test_what_has_no_joint_is_judged_where_most_is_to_explain_and_by_its_largest
 def test_rivals_share_what_a_name_has(named):
     rivalled = [replace(each, probability=0.6) for each in named]
     assert certainties(rivalled, _gap(left=1.0), 3) == pytest.approx([0.6 * level for level in NAMED])
+
+
+@pytest.mark.parametrize(
+    ("probability", "alike", "told"),
+    [
+        (0.93, ("gravity_spring",), "cable spring at elbow, cable spring at elbow;"),
+        (0.55, (), "cable spring at elbow, perhaps cable spring at elbow;"),
+        (0.45, ("gravity_spring",), "cable spring at elbow, cable spring or gravity spring at elbow;"),
+    ],
+)
+def test_the_sentence_says_what_is_as_likely_as_not(arm, named, probability, alike, told):
+    first, second = named[0], replace(named[1], probability=probability, confusable_with=alike)
+    sentence = sentence_of(arm, "effect", [first, second], (), _gap(left=1.0))
+    assert sentence.startswith(f"The gap comes from {told}")

@@ -7,8 +7,9 @@ import pytest
 
 from diagnosis.blind.hidden import hidden_error
 from diagnosis.correction import corrected_model
-from diagnosis.diagnose import diagnose, shrunk_in_words
+from diagnosis.diagnose import diagnose
 from diagnosis.findings import Gap
+from diagnosis.verdict_in_words import shrunk_in_words
 from identification.errors import InputError
 from testbench.effects import parse_injection
 from testbench.log import read_log

@@ -39,6 +39,8 @@ def test_a_tilt_and_an_offset_of_the_first_joint_are_told_as_one(tmp_path):
 def test_a_name_and_its_rivals_share_what_a_name_has(tmp_path, runs, level):
     arm = small_arm(tmp_path, PLANAR)
     tilted = simulated_runs(arm, [parse_injection(arm, "base_tilt::pitch=0.08,roll=0")], runs=runs)
-    ranked = [each for each in diagnose(arm, tilted).ranked if each.probability > CONFUSABLE]
+    found = diagnose(arm, tilted)
+    assert "encoder offset or base tilt at shoulder" in found.sentence
+    ranked = [each for each in found.ranked if each.probability > CONFUSABLE]
     assert {each.effect for each in ranked} == {"base_tilt", "encoder_offset"}
     assert sum(each.probability for each in ranked) == pytest.approx(level, abs=0.01)

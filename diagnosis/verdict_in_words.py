@@ -1,0 +1,84 @@
+"""What was found, in the words of the report."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from testbench.robot import Robot
+
+from .accepted import RESONANCE
+from .findings import LITTLE_CLOSED, Gap, NamedEffect
+from .one_sided import ONE_SIDED
+from .unclaimed import NOTHING, UNTOLD, Unclaimed
+
+# A name below this probability is as likely as not.
+UNSURE = 0.6
+# What would make a robot so.
+LIKELY = {
+    RESONANCE: ": a base that rocks or a link that bends would",
+    ONE_SIDED: ": a hose with slack or a bumper would",
+}
+# What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
+NEXT_TO_NOTHING = 0.005
+
+
+def sentence_of(
+    robot: Robot, verdict: str, effects: Sequence[NamedEffect], unknown: Sequence[Unclaimed], gap: Gap
+) -> str:
+    """The verdict in one sentence. effects, unknown: what has a name, and what none explains, most first."""
+    if verdict == "none":
+        return "The model explains these logs as well as one re-identified from them."
+    if verdict == "parameters":
+        return "Re-identified parameters explain these logs; no effect beyond them is needed."
+    if verdict == "unknown":
+        return f"At {unclaimed_in_words(robot, unknown[0])}."
+    parts = [_named_in_words(robot, effect) for effect in effects]
+    if not any(effect.candidate.shows for effect in effects):
+        # A drive that reports what it gave: see flat_top.py.
+        named = ", ".join(parts)
+        return f"There is {named}: along the measured motion it leaves no gap, in closed loop it does."
+    return f"The gap comes from {', '.join(parts)}; {shrunk_in_words(robot, effects[0].joint, gap)}."
+
+
+def _named_in_words(robot: Robot, effect: NamedEffect) -> str:
+    """An effect and its joint; with what may be in its place, or a perhaps, where it is as likely as not."""
+    place = "" if effect.joint is None else f" at {robot.joint_names[effect.joint]}"
+    alike = effect.confusable_with if effect.probability < UNSURE else ()
+    perhaps = "perhaps " if effect.probability < UNSURE and not alike else ""
+    return f"{perhaps}{' or '.join((effect.effect, *alike)).replace('_', ' ')}{place}"
+
+
+def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
+    """How far the effects shrink the gap; joint: that of the first."""
+    closed, place = gap.told_closed, ""
+    little = gap.closed is None or gap.closed < LITTLE_CLOSED
+    if little and joint is not None and (own := gap.closed_at(joint)) is not None and own >= LITTLE_CLOSED:
+        # Of all joints' torque most may be another's, whose parameters foretell one run better than another.
+        closed, place = own, f" at {robot.joint_names[joint]}"
+    if closed is None:
+        return "re-identified parameters leave little but noise along these motions"
+    if closed <= 0:
+        return "on runs left out it explains no more than re-identified parameters do"
+    return f"it explains {closed:.0%} of what re-identified parameters leave{place} above the noise"
+
+
+def unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
+    """What no effect explains, and what would, from its joint on."""
+    if item.nearest is not None:
+        nearest = f"{robot.joint_names[item.joint]} {item.nearest.replace('_', ' ')} comes nearest"
+        left = f"leaves {np.sqrt(item.share):.0%} of the gap"
+        return f"{nearest} and {left}: no effect of the catalogue explains it"
+    if item.regime == NOTHING and item.share < NEXT_TO_NOTHING:
+        joint = robot.joint_names[item.joint]
+        return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"
+    if item.regime == UNTOLD:
+        return f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {UNTOLD}"
+    followed = item.regime if item.regime in (NOTHING, ONE_SIDED) else f"the joint's {item.regime}"
+    likely = LIKELY.get(item.regime, "")
+    if item.period is not None:
+        followed = f"the joint's {item.period}"
+    if item.frequency is not None:
+        followed = f"a vibration at {item.frequency:.1f} Hz"
+        likely = ": a floor or a fan that shakes it would, or a load that swings"
+    place = f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {followed}"
+    return f"{place}, and no effect of the catalogue explains it{likely}"
