@@ -7,7 +7,7 @@ import numpy as np
 from testbench.effects.signature import Quantity
 
 from .findings import Gap, NamedEffect
-from .healthy import SIZES
+from .healthy import sizes
 
 # How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases and on
 # robots that others simulated (docs/blind.md, docs/other_robots.md): of the first that is named, and of those
@@ -37,8 +37,7 @@ def _is_doubtful(effect: NamedEffect, gap: Gap) -> bool:
     """Whether much is left at its joint, and little is known of its size."""
     floor = np.maximum(gap.noise_floor, np.finfo(float).tiny)
     joint = int(np.argmax(gap.parameters / floor)) if effect.joint is None else effect.joint
-    names = SIZES.get(effect.effect, (next(iter(effect.parameters)),))
-    known = max(_deviations(effect.parameters[name]) for name in names)
+    known = max(_deviations(effect.parameters[name]) for name in sizes(effect.effect))
     return bool(gap.effects[joint] > LEFT * floor[joint] and known < DEVIATIONS)
 
 

@@ -138,9 +138,8 @@ def _likeliest(
     best = max((push.score for push in likeliest.values()), default=0.0)
     if best < SMALLEST_GAIN:
         return None
-    without_arm = [len(set(range(link + 1)).difference(together)) for link in likeliest]
-    probability = odds([push.of_link for push in likeliest.values()], best) * NO_ARM ** np.array(without_arm)
-    probability /= probability.sum()
+    before = [NO_ARM ** len(set(range(link + 1)).difference(together)) for link in likeliest]
+    probability = odds([push.of_link for push in likeliest.values()], best, before)
     ordered = sorted(zip(probability.tolist(), likeliest.values(), strict=True), key=lambda each: -each[0])
     _, first = ordered[0]
     return first.weighed, tuple((push.weighed, share) for share, push in ordered[1:]), first.trial

@@ -17,7 +17,7 @@ from .candidates import Candidate
 Array = NDArray[np.float64]
 
 ELASTIC, CABLE, GAIN = "joint_elasticity", "cable_spring", "torque_gain_error"
-OFFSET = "encoder_offset"
+OFFSET, ECCENTRICITY = "encoder_offset", "encoder_eccentricity"
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
 # friction differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
@@ -33,7 +33,7 @@ HEALTHY: Mapping[str, float] = {
     "torque_delay": 12.0,
     # Joints of one bus are sampled up to a millisecond apart.
     "actuator_lag": 3.0,
-    "encoder_eccentricity": 500.0,
+    ECCENTRICITY: 500.0,
     OFFSET: 15.0,
     # Torque constants are known to two per cent or so, those of the joints beside it too: what is one joint's
     # gain to the model is their difference.
@@ -61,7 +61,7 @@ LARGEST: Mapping[str, float] = {
     # A wrist's link may be far lighter than the one that its typical range is stated for.
     ELASTIC: 6.0,
     OFFSET: 3.0,
-    "encoder_eccentricity": 3.0,
+    ECCENTRICITY: 3.0,
     GAIN: 3.0,
     "base_tilt": 3.0,
     # Cables and counterbalances differ more from arm to arm.
@@ -99,7 +99,7 @@ MOST_BENT = 30.0
 PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.45, 0.01
 # An effect's size is its first parameter, or the largest of these.
 DIFFERENCE = "viscous_difference"
-SIZES: Mapping[str, tuple[str, ...]] = {
+_SIZES: Mapping[str, tuple[str, ...]] = {
     "asymmetric_friction": ("offset", DIFFERENCE),
     "joint_coupling": ("viscous", "coulomb"),
     "base_tilt": ("roll", "pitch"),
@@ -191,6 +191,11 @@ def quantities(candidate: Candidate, coefficients: Array) -> dict[str, Quantity]
     return candidate.family.parameters(candidate.member, coefficients, np.zeros((count, count)))
 
 
+def sizes(name: str) -> tuple[str, ...]:
+    """The parameters of an effect whose largest is its size: its first, or several."""
+    return _SIZES.get(name, (effect(name).DESCRIPTION.parameters[0].name,))
+
+
 def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
     """An effect's size as a multiple of the mild end of its typical range on this robot's joint.
 
@@ -200,7 +205,7 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
     known = {parameter.name: parameter for parameter in description.parameters}
     values = quantities(candidate, coefficients)
     largest = 0.0
-    for name in SIZES.get(family.effect, (description.parameters[0].name,)):
+    for name in sizes(family.effect):
         mild, severe = typical_range(known[name], robot, family.joint)
         grows = severe >= mild
         if family.effect == PAYLOAD:

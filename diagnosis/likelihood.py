@@ -130,11 +130,14 @@ def _likeliness(weighed: Weighed) -> float:
     return weighed.score - float(np.log(weighed.candidate.shapes))
 
 
-def odds(log_likelihoods: Sequence[float], explained: float) -> Array:
+def odds(log_likelihoods: Sequence[float], explained: float, before: Sequence[float]) -> Array:
     """Probabilities of hypotheses, one of which is taken to be true; summing to one.
 
-    explained: what the best of them adds to none of them.
+    explained: what the best of them adds to none of them. before: how likely each is whatever the runs say,
+    as a multiple of any other.
     """
     values = np.asarray(log_likelihoods)
-    weights = np.exp((values - values.max()) / max(TEMPERATURE, OF_EXPLAINED * explained))
+    weights = np.asarray(before) * np.exp(
+        (values - values.max()) / max(TEMPERATURE, OF_EXPLAINED * explained)
+    )
     return weights / weights.sum()

@@ -15,6 +15,7 @@ from testbench.robot import Robot
 from .candidates import DELAY, Candidate
 from .healthy import (
     BENDING,
+    ECCENTRICITY,
     ELASTIC,
     LAG,
     OF_THE_LOAD,
@@ -60,7 +61,6 @@ OF_ENCODERS = 2.0
 # Friction that bends is swallowed as well, but every joint's bends a little: so many times a healthy one's.
 BENT_ENOUGH = 2.0
 # First moments take up most of an eccentric encoder.
-ECCENTRICITY = "encoder_eccentricity"
 TOLD_BY_SIZE = (*SWALLOWED_FRICTION, *TRANSMISSIONS, BENDING, DELAY, ECCENTRICITY)
 SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # What acts near rest, where samples do not count, shows little of itself: this share of the torque is

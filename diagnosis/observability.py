@@ -10,7 +10,7 @@ from testbench.effects.size import typical_range
 from testbench.robot import Robot
 
 from .candidates import Candidate
-from .healthy import SIZES, size
+from .healthy import size, sizes
 from .likelihood import Weighed
 from .materiality import SMALLEST_WALD
 
@@ -42,7 +42,7 @@ def _severe(robot: Robot, candidate: Candidate) -> Array | None:
     """Coefficients (k,) of the effect at the severe end; None where a size does not go with them."""
     family, member = candidate.family, candidate.member
     known = {p.name: p for p in effect(family.effect).DESCRIPTION.parameters}
-    name = SIZES.get(family.effect, (next(iter(known)),))[0]
+    name = sizes(family.effect)[0]
     mild, severe = typical_range(known[name], robot, family.joint)
     if not 0 < mild < severe:
         return None

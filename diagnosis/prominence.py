@@ -12,7 +12,7 @@ from testbench.effects.signature import Family
 from testbench.robot import Robot
 
 from .candidates import Candidate
-from .healthy import BENDING, BRISTLES, CABLE, GAIN, RIPPLE, SPRING, SPRINGS
+from .healthy import BENDING, BRISTLES, CABLE, ECCENTRICITY, GAIN, RIPPLE, SPRING, SPRINGS
 from .likelihood import Weighed, gained_by_shift
 from .linearisation import TRANSMISSIONS
 from .materiality import (
@@ -31,7 +31,6 @@ NAMED_SHARE = 0.05
 # And the share of what is left there when it is taken in, or the log-likelihood as a multiple of what any
 # other joint's effect gains: imperfections that are no smaller would not let it be told from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
-ECCENTRICITY = "encoder_eccentricity"
 # But none of them looks like these; bristles are held against those of the other joints.
 UNLIKE = ("thermal_friction_drift", ECCENTRICITY, BRISTLES)
 # Wald's statistic of an imperfection: what has less predicts well by chance.

@@ -87,9 +87,8 @@ def choose(
     for index, (weighed, gain) in enumerate(zip(shortlist, left, strict=True)):
         if index != first and (gain is None or gained(after, gain) < RIVAL_LEFT * weighed.score):
             kept.append(index)
-    probability = odds([likelihoods[index] for index in kept], shortlist[first].score)
-    probability *= [LATE_ODDS if listed[index].is_late_alone else 1.0 for index in kept]
-    probability /= probability.sum()
+    before_runs = [LATE_ODDS if listed[index].is_late_alone else 1.0 for index in kept]
+    probability = odds([likelihoods[index] for index in kept], shortlist[first].score, before_runs)
     rivals = zip((shortlist[index] for index in kept[1:]), probability[1:].tolist(), strict=True)
     # By weights of its own hypothesis it may gain more: the stage's may not suit it.
     exact = stage.as_fitted(shortlist[first].gain, trial)

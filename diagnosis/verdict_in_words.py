@@ -43,9 +43,10 @@ def sentence_of(
 def _named_in_words(robot: Robot, effect: NamedEffect) -> str:
     """An effect and its joint; with what may be in its place, or a perhaps, where it is as likely as not."""
     place = "" if effect.joint is None else f" at {robot.joint_names[effect.joint]}"
-    alike = effect.confusable_with if effect.probability < UNSURE else ()
-    perhaps = "perhaps " if effect.probability < UNSURE and not alike else ""
-    return f"{perhaps}{' or '.join((effect.effect, *alike)).replace('_', ' ')}{place}"
+    name = effect.effect
+    if effect.probability < UNSURE:
+        name = " or ".join((name, *effect.confusable_with)) if effect.confusable_with else f"perhaps {name}"
+    return f"{name.replace('_', ' ')}{place}"
 
 
 def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
