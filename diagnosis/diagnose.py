@@ -22,6 +22,7 @@ from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
 from .misleading import without_misleading
+from .naming import is_how_runs_begin
 from .noise import noise
 from .preparation import Prepared
 from .recurrence import recurrence
@@ -204,6 +205,8 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
             reason = "fitted, but leaves too much of the gap"
         if accepted.is_everywhere:
             reason = "fitted, but hardly larger than other joints' imperfections"
+        if is_how_runs_begin(found.prepared, accepted.candidate):
+            reason = "fitted, but only where runs begin, as brakes and friction that still hold are"
         if accepted.named:
             reason = "" if index in told else "beside a larger gap that has no name"
         ranked.append(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.parameters import OFFSET as OFFSET_TORQUE
+from testbench.effects.push import begin_with_runs
 from testbench.robot import Robot
 
 from .accepted import COUPLING, Accepted, is_rest
@@ -80,6 +81,7 @@ def accepted_as(
     shift = gained_by_shift(stage, best.gain)
     beyond = beyond and couples(sized, stage, best.gain) and warms(stage, *own)
     beyond = beyond and is_borne_out(best.candidate.family.effect, share, shift)
+    beyond = beyond and not is_how_runs_begin(stage.prepared, best.candidate)
     # What a push leaves is where it was.
     firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
     main = alone or is_main(sized, apart, stage, best, firsts, rest)
@@ -117,6 +119,13 @@ def couples(sized: Robot, stage: Stage, gain: Gain) -> bool:
         return True
     is_all = float(stage.shares(gain).max()) > ALL_COUPLED
     return is_all and is_certainly_beyond(sized, stage, gain, FAR_COUPLED)
+
+
+def is_how_runs_begin(prepared: Prepared, each: Candidate) -> bool:
+    """Whether a push acts as its runs begin and never after: so do brakes that are let go, and friction that
+    held a joint before the log; whatever is none does not.
+    """
+    return each.is_event and begin_with_runs([run.logged for run in prepared.runs], each.member.columns)
 
 
 def is_borne_out(name: str, share: float, shift: float) -> bool:

@@ -58,6 +58,17 @@ def test_it_is_taken_in_before_what_would_imitate_it(pushed):
     assert not any(each.named for each in others)
 
 
+@pytest.mark.parametrize(("start", "named"), [(0, False), (1500, True)])
+def test_what_is_there_as_a_run_begins_and_never_after_is_no_push_by_name(tmp_path, start, named):
+    arm = small_arm(tmp_path)
+    runs = simulated_runs(arm, [], runs=3)
+    torque = runs["run_2"].torque.copy()
+    torque[start : start + 700, 0] += 8.0
+    runs["run_2"] = replace(runs["run_2"], torque=torque)
+    first, *_ = attribute(prepare(arm, runs)).accepted
+    assert (first.candidate.is_event, first.named) == (True, named)
+
+
 def test_a_push_less_than_a_third_as_hard_in_another_run_is_fitted_too(tmp_path):
     prepared = with_pushes(tmp_path, {"run_2": PUSH, "run_3": PUSH.replace("torque=20", "torque=6")})
     _, found = _sought(prepared)

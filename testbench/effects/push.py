@@ -96,6 +96,15 @@ def common_times(runs: Sequence[Logged], columns: Sequence[Array]) -> list[tuple
     return found
 
 
+def begin_with_runs(runs: Sequence[Logged], columns: Sequence[Array]) -> bool:
+    """Whether all pushes are there as their runs begin. columns: as of ``common_times``."""
+    return all(
+        first < SHORTEST * run.sample_rate
+        for run, own in zip(runs, columns, strict=True)
+        for first, _ in _stretches(own.any(axis=(1, 2)))
+    )
+
+
 def _stretches(where: ArrayLike) -> list[tuple[int, int]]:
     """First sample, and the one after the last, of each stretch that is true."""
     edges = np.flatnonzero(np.diff(np.r_[0, np.asarray(where, dtype=np.int8), 0]))
