@@ -14,7 +14,7 @@ import numpy as np
 from .bank import Bank
 from .candidates import Candidate
 from .healthy import CABLE, SPRING
-from .likelihood import Weighed, by_chance, gained_by_joint, log_posterior, weigh
+from .likelihood import Weighed, by_chance, gained_by_joint, gained_by_shift, log_posterior, weigh
 from .linearisation import bends_parameters, linearised_anew
 from .shortlist import EVIDENCE_AGAINST_RUNS
 from .weighing import Stage
@@ -65,7 +65,7 @@ def _foretold(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
 
 def _by_all_runs(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
     """Those that all runs together tell, by the log-posterior each adds with the runs linearised anew."""
-    found = [each for each in found if each.gain.wald > _smallest_wald(each)]
+    found = [each for each in found if _is_worth_a_fit(stage, each)]
     if not found:
         return []
     before, told = log_posterior(*linearised_anew(stage.hypothesis, stage.fitted)), []
@@ -78,9 +78,12 @@ def _by_all_runs(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
     return told
 
 
-def _smallest_wald(weighed: Weighed) -> float:
-    """Wald's statistic from which it is fitted in full."""
-    return WORTH_A_FIT if weighed.score > AGAINST else WORTH_A_FIT_AGAINST
+def _is_worth_a_fit(stage: Stage, weighed: Weighed) -> bool:
+    """Whether it is fitted in full: by Wald's statistic, or the shift of the parameters that it spares."""
+    wald, foretells = weighed.gain.wald, weighed.score > AGAINST
+    if wald > (WORTH_A_FIT if foretells else WORTH_A_FIT_AGAINST):
+        return True
+    return wald > WORTH_A_FIT and gained_by_shift(stage, weighed.gain) > EVIDENCE_AGAINST_RUNS
 
 
 def _smallest_evidence(weighed: Weighed) -> float:

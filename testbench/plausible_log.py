@@ -34,6 +34,8 @@ OPPOSED = 0.5
 # So it is where what goes with speed drives the joint instead: their correlation, that part's share of the
 # torque, RMS, and of the variance without it that it leaves at most.
 DRIVING, SHARE_OF_FRICTION, FRICTION_LEAVES = -0.7, 0.4, 0.35
+# Share of the samples without the fastest.
+USUAL_SPEED = 0.9
 # Torque has lost its sign where it is never below zero, though the model's is on either side of it in this
 # share of the samples in which the joint moves.
 EITHER_SIDE = 0.1
@@ -142,18 +144,32 @@ def _is_cancelled(torque: Array, model: Array, dq: Array) -> Mask:
 
 
 def _is_driven(torque: Array, links: Array, dq: Array, ddq: Array) -> Mask:
-    """Where (n,) much of the torque is friction with the wrong sign. Arguments as of ``_check_sign``."""
+    """Where (n,) much of the torque is friction with the wrong sign. Arguments as of ``_check_sign``.
+
+    Without the fastest samples as well: what pushes a joint goes with its speed, but not most of the time.
+    """
     driven = np.zeros(torque.shape[1], bool)
     for joint in np.flatnonzero(_rms(dq) > MOVING).tolist():
-        speed, own = dq[:, joint], torque[:, joint]
-        x = _regressor(links[:, joint], speed, ddq[:, joint])
-        values, without = (np.linalg.lstsq(part, own, rcond=None)[0] for part in (x, x[:, :-2]))
-        friction = x[:, -2:] @ values[-2:]
-        goes_with = friction @ speed < DRIVING * np.linalg.norm(friction) * np.linalg.norm(speed)
-        is_much = np.std(friction) > SHARE_OF_FRICTION * np.std(own)
-        explains = np.var(own - x @ values) < FRICTION_LEAVES * np.var(own - x[:, :-2] @ without)
-        driven[joint] = goes_with and is_much and explains
+        x, speed, own = (
+            _regressor(links[:, joint], dq[:, joint], ddq[:, joint]),
+            dq[:, joint],
+            torque[:, joint],
+        )
+        usual = np.abs(speed) <= np.quantile(np.abs(speed), USUAL_SPEED)
+        driven[joint] = _rms(speed[usual]) > MOVING and all(
+            _drives(x[part], speed[part], own[part]) for part in (slice(None), usual)
+        )
     return driven
+
+
+def _drives(x: Array, speed: Array, torque: Array) -> bool:
+    """Whether much of a joint's torque (M,) is friction that goes with its speed. x: of ``_regressor``."""
+    values, without = (np.linalg.lstsq(part, torque, rcond=None)[0] for part in (x, x[:, :-2]))
+    friction = x[:, -2:] @ values[-2:]
+    goes_with = friction @ speed < DRIVING * np.linalg.norm(friction) * np.linalg.norm(speed)
+    is_much = np.std(friction) > SHARE_OF_FRICTION * np.std(torque)
+    explains = np.var(torque - x @ values) < FRICTION_LEAVES * np.var(torque - x[:, :-2] @ without)
+    return bool(goes_with and is_much and explains)
 
 
 def _regressor(model: Array, speed: Array, acceleration: Array) -> Array:

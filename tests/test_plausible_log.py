@@ -196,3 +196,16 @@ def test_commands_refuse_such_a_log_by_its_file(robot, healthy, tmp_path, capsys
     with pytest.raises(SystemExit, match="2"):
         main([command, "--model", str(robot.path), str(path), "--out", str(tmp_path / "out")])
     assert capsys.readouterr().err.startswith(f"{path}: joint/torque: expected the sign")
+
+
+def test_a_joint_that_is_thrown_for_a_moment_does_not_count_backwards(robot, healthy):
+    table = robot.parameters.reshape(-1, PER_JOINT).copy()
+    table[:, :INERTIAL] *= 1e-3
+    time, position = healthy.time, healthy.position.copy()
+    thrown = np.exp(-(((time - 2.0) / 0.1) ** 2))
+    speed = 0.1 * np.sign(np.sin(4 * time)) + 2.0 * thrown
+    position[:, 1] = np.cumsum(speed) * (time[1] - time[0])
+    torque = healthy.torque.copy()
+    # Its own drive holds against what throws it.
+    torque[:, 1] = 0.5 * np.sign(speed) - 30.0 * thrown
+    _check_torque(robot, replace(healthy, position=position, torque=torque), table.ravel())
