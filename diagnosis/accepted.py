@@ -9,7 +9,7 @@ from testbench.robot import Robot
 
 from .candidates import Candidate
 from .evidence import Fit
-from .healthy import CABLE, ELASTIC, SPRINGS, is_plausible
+from .healthy import CABLE, ELASTIC, GAIN, OF_THE_LOAD, SPRINGS, is_plausible
 from .hypothesis import Design
 from .likelihood import Weighed
 from .unclaimed import NOTHING, Unclaimed, share_left
@@ -28,6 +28,8 @@ MANY_LAWS, MANY_COUPLINGS, LEFT_BY_ONE, LEFT_BY_TWO = 4, 4, 0.05, 0.01
 # re-identification leaves.
 ELASTIC_LEFT = 0.16
 RESONANCE, MANY = "resonance with other joints", "motion by several laws at once"
+# What is lost of the load, and another gain of it, so many times that at most: each way loses its own share.
+ONE_WAY, MOST_GAINED = "load, more of it one way than the other", 1.5
 COUPLING = "joint_coupling"
 
 
@@ -88,6 +90,25 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
         laws = [a for a in named if a.candidate.family.joint == joint]
         if len({item.candidate.family.effect for item in laws}) > 1:
             found.append(Unclaimed(joint, "position", 1 - float(share_left(first, last)[joint])))
+    return tuple(found)
+
+
+def laws_of_load(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints that both lose a share of their load and have another gain: no gear need be as good driven back.
+
+    Of what it loses one way nothing may be lost the other: then the gain is the share, to first order. first,
+    last: as above.
+    """
+    sizes = {
+        (a.candidate.family.effect, a.candidate.family.joint): abs(float(last.fitted.values[own][0]))
+        for a, own in zip(accepted, last.hypothesis.parts, strict=True)
+        if a.named and a.candidate.family.effect in (OF_THE_LOAD, GAIN)
+    }
+    found = []
+    for joint, left in enumerate(share_left(first, last).tolist()):
+        lost, gained = sizes.get((OF_THE_LOAD, joint)), sizes.get((GAIN, joint))
+        if lost is not None and gained is not None and gained <= MOST_GAINED * lost:
+            found.append(Unclaimed(joint, ONE_WAY, 1 - left))
     return tuple(found)
 
 

@@ -1,6 +1,6 @@
 """Whether what was taken in is one joint's, or how all joints of this robot are imperfect."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,14 +34,14 @@ ALIKE: Mapping[str, tuple[tuple[str, ...], float, float]] = {
 # But what its joint carries little torque beside, or its parameters take up, is one joint's where it is
 # certainly so many times a healthy one's, and so many times as far beyond as these of the other joints:
 # each joint's friction bends a little. What grows with the load is told from others' by its own size; what
-# falls with the speed, if no more of the others' torque is imperfect than this multiple of it. Of a cable
-# first moments leave little, but it pulls as it does.
+# falls with the speed, if no more of the others' torque is imperfect than this multiple of it, or it is twice
+# that. Of a cable first moments leave little, but it pulls as it does.
 SLIDING = tuple(each for each in FRICTION if each != BRISTLES)
-ONE_JOINTS: Mapping[str, tuple[float, float, tuple[str, ...], float]] = {
-    "stribeck_friction": (2.0, 2.0, SLIDING, 1.0),
-    BENDING: (2.0, 3.5, SLIDING, np.inf),
-    OF_THE_LOAD: (1.5, 0.0, SLIDING, np.inf),
-    CABLE: (1.5, 3.5, SPRINGS, np.inf),
+ONE_JOINTS: Mapping[str, tuple[tuple[float, float, tuple[str, ...], float], ...]] = {
+    "stribeck_friction": ((2.0, 2.0, SLIDING, 1.0), (4.0, 3.0, SLIDING, np.inf)),
+    BENDING: ((2.0, 3.5, SLIDING, np.inf),),
+    OF_THE_LOAD: ((1.5, 0.0, SLIDING, np.inf),),
+    CABLE: ((1.5, 3.5, SPRINGS, np.inf),),
 }
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: up to
 # this share of their joint's torque they have no name where others surely give way this share as far, with
@@ -66,8 +66,7 @@ def of_one_joint(
         item = found[place]
         if not item.named:
             continue
-        rest = [each for k, each in enumerate(found) if k != place and k not in faults]
-        is_imperfection = _is_hardly_larger(robot, place, item, rest, open_, last)
+        is_imperfection = _is_hardly_larger(robot, place, found, faults, open_, last)
         others = [each for k, each in enumerate(found) if k != place]
         if is_imperfection or _are_bristles_of_all(robot, place, item, others, open_, last):
             found[place] = replace(item, named=False, is_everywhere=True)
@@ -79,12 +78,17 @@ def of_one_joint(
 def _is_hardly_larger(
     robot: Robot,
     place: int,
-    item: Accepted,
-    rest: Sequence[Accepted],
+    found: Sequence[Accepted],
+    faults: Set[int],
     open_: Sequence[Weighed],
     last: Stage,
 ) -> bool:
-    """Whether several other joints have as much, of their own torque, of what it may be made of."""
+    """Whether several other joints have as much, of their own torque, of what it may be made of.
+
+    faults: the places of what is one joint's for certain.
+    """
+    item = found[place]
+    rest = [each for k, each in enumerate(found) if k != place and k not in faults]
     if item.candidate.family.effect not in ALIKE:
         return False
     imperfections, share, shift = ALIKE[item.candidate.family.effect]
@@ -93,7 +97,7 @@ def _is_hardly_larger(
     if _are_as_large(robot, place, item, open_, last):
         return True
     others = _of_others(item, imperfections, rest, open_, last)
-    return others >= share and not _is_of_one(robot, place, others, open_, last)
+    return others >= share and not _is_of_one(robot, place, others, faults, open_, last)
 
 
 def _are_as_large(robot: Robot, place: int, item: Accepted, open_: Sequence[Weighed], last: Stage) -> bool:
@@ -132,9 +136,17 @@ class _Seen:
 
 
 def _seen(
-    robot: Robot, place: int, effects: Sequence[str], open_: Sequence[Weighed], last: Stage
+    robot: Robot,
+    place: int,
+    effects: Sequence[str],
+    open_: Sequence[Weighed],
+    last: Stage,
+    faults: Set[int] = frozenset(),
 ) -> tuple[_Seen, list[_Seen]]:
-    """The last hypothesis's effect at this place, and what is seen of some effects at the other joints."""
+    """The last hypothesis's effect at this place, and what is seen of some effects at the other joints.
+
+    faults: places that do not count.
+    """
 
     def seen(candidate: Candidate, values: Array, wald: float) -> _Seen:
         assert candidate.family.joint is not None
@@ -144,25 +156,28 @@ def _seen(
     parts = zip(last.hypothesis.accepted, last.hypothesis.parts, strict=True)
     every = [(each, last.fitted.values[part], last.fitted.wald(part)) for each, part in parts]
     own = every[place]
+    every = [each for k, each in enumerate(every) if k not in faults]
     every += [(w.candidate, w.gain.coefficients, w.gain.wald) for w in open_]
     elsewhere = [each for each in every if each[0].family.joint not in (None, own[0].family.joint)]
     return seen(*own), [seen(*each) for each in elsewhere if each[0].family.effect in effects]
 
 
-def _is_of_one(robot: Robot, place: int, theirs: float, open_: Sequence[Weighed], last: Stage) -> bool:
+def _is_of_one(
+    robot: Robot, place: int, theirs: float, faults: Set[int], open_: Sequence[Weighed], last: Stage
+) -> bool:
     """Whether the last hypothesis's effect here is far beyond what the other joints have of its kind.
 
-    theirs: of ``_of_others``.
+    theirs: of ``_of_others``. faults: places that do not count.
     """
-    effect = last.hypothesis.accepted[place].family.effect
-    if effect not in ONE_JOINTS:
-        return False
-    far_beyond, as_others, its_kind, of_others = ONE_JOINTS[effect]
-    if theirs > of_others:
-        return False
-    own, others = _seen(robot, place, its_kind, open_, last)
-    most = max((each.times for each in others if each.wald > SMALLEST_WALD), default=0.0)
-    return own.times * (1 - BEYOND / np.sqrt(own.wald)) > far_beyond and own.times > as_others * most
+    for far_beyond, as_others, its_kind, of_others in ONE_JOINTS.get(
+        last.hypothesis.accepted[place].family.effect, ()
+    ):
+        own, others = _seen(robot, place, its_kind, open_, last, faults)
+        most = max((each.times for each in others if each.wald > SMALLEST_WALD), default=0.0)
+        certainly = own.times * (1 - BEYOND / np.sqrt(own.wald))
+        if theirs <= of_others and certainly > far_beyond and own.times > as_others * most:
+            return True
+    return False
 
 
 def _are_bristles_of_all(

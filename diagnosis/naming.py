@@ -49,8 +49,10 @@ DWARFED = 0.05
 # error told from three when it is taken in, as wrists' are, must be four from none.
 AT_LAST, GAIN_AT_LAST = 9.0, 16.0
 # Joints that move alike share what bristles leave: a drive that two share moves one of them by this share of
-# its torque; or takes off this share of what is left there, and is so many times a healthy robot's.
+# its torque; or takes off this share of what is left there, and is so many times a healthy robot's. Or it
+# takes off this, and is more than a healthy one's by either of its joints.
 LEAST_COUPLED, ALL_COUPLED, FAR_COUPLED = 0.025, 0.9, 3.0
+NEARLY_ALL_COUPLED = 0.95
 # Any joint warms, by this share of its friction in these runs; and whatever foretells less than this share of
 # what its joint leaves is no cable.
 WARMED, FORETOLD_BY_CABLE = 0.02, 0.1
@@ -73,10 +75,11 @@ def accepted_as(
     as_well = [(w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL]
     obvious = is_obvious(sized, stage, best.gain)
     alone = is_alone(sized, stage, best, own[1], before, rest)
-    beyond = alone or is_beyond_healthy(sized, torque_rms, *own)
+    share = float(stage.shares(best.gain).max())
+    shared = is_nearly_all_shared(sized, stage, best.gain)
+    beyond = alone or shared or is_beyond_healthy(sized, torque_rms, *own)
     # Where an imperfection of healthy size would explain it as well, nothing else need be there.
     beyond = beyond and all(is_beyond_healthy(sized, torque_rms, *each) for each in as_well)
-    share = float(stage.shares(best.gain).max())
     beyond = (obvious or beyond) and not (is_excessive(sized, *own, share) or moves_little(torque_rms, *own))
     shift = gained_by_shift(stage, best.gain)
     beyond = beyond and couples(sized, stage, best.gain) and warms(stage, *own)
@@ -105,7 +108,7 @@ def accepted_as(
         named=bool(beyond and main and certain and enough),
         is_certain=certain,
         is_trace=found.is_trace,
-        by_size=not (obvious or alone),
+        by_size=not (obvious or alone or shared),
         is_alone=alone and not obvious,
     )
 
@@ -115,10 +118,24 @@ def couples(sized: Robot, stage: Stage, gain: Gain) -> bool:
 
     Whatever is none does.
     """
-    if gain.candidate.family.effect != COUPLING or float(stage.torque_shares(gain).max()) > LEAST_COUPLED:
+    moved, share = float(stage.torque_shares(gain).max()), float(stage.shares(gain).max())
+    if gain.candidate.family.effect != COUPLING or moved > LEAST_COUPLED:
         return True
-    is_all = float(stage.shares(gain).max()) > ALL_COUPLED
-    return is_all and is_certainly_beyond(sized, stage, gain, FAR_COUPLED)
+    if is_nearly_all_shared(sized, stage, gain):
+        return True
+    return share > ALL_COUPLED and is_certainly_beyond(sized, stage, gain, FAR_COUPLED)
+
+
+def is_nearly_all_shared(sized: Robot, stage: Stage, gain: Gain) -> bool:
+    """Whether a shared drive is all but all that is left at a joint, and beyond a healthy one by the other.
+
+    What two joints share may be little beside the friction of the first of them.
+    """
+    family = gain.candidate.family
+    if family.into is None or float(stage.shares(gain).max()) < NEARLY_ALL_COUPLED:
+        return False
+    turned = replace(gain.candidate, family=replace(family, joint=family.into, into=family.joint))
+    return is_certainly_beyond(sized, stage, replace(gain, candidate=turned))
 
 
 def is_how_runs_begin(prepared: Prepared, each: Candidate) -> bool:

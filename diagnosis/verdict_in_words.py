@@ -6,7 +6,7 @@ import numpy as np
 
 from testbench.robot import Robot
 
-from .accepted import RESONANCE
+from .accepted import ONE_WAY, RESONANCE
 from .findings import LITTLE_CLOSED, Gap, NamedEffect
 from .one_sided import ONE_SIDED
 from .unclaimed import NOTHING, UNTOLD, Unclaimed
@@ -17,6 +17,7 @@ UNSURE = 0.6
 LIKELY = {
     RESONANCE: ": a base that rocks or a link that bends would",
     ONE_SIDED: ": a hose with slack or a bumper would",
+    ONE_WAY: ": a worm or another gear that hardly drives back would",
 }
 # What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
 NEXT_TO_NOTHING = 0.005

@@ -139,6 +139,8 @@ def test_a_cable_far_stiffer_than_the_other_joints_is_one_joints(scara, times, o
         # Near rest, others' larger imperfections are no less near.
         ("stribeck_friction", 3.0, 0.9, True),
         ("stribeck_friction", 3.0, 1.1, False),
+        # But where it is far more.
+        ("stribeck_friction", 5.0, 1.1, True),
     ],
 )
 def test_what_is_no_larger_a_part_of_the_torque_than_others_imperfections_is_no_one_joints(

@@ -82,16 +82,25 @@ def test_what_later_effects_leave_nothing_of_has_no_name(arm, prepared, wald, na
 
 
 @pytest.mark.parametrize(
-    ("coulomb", "least", "moves"),
-    # What moves its joints less is shared where it is all that is left, and far beyond a healthy robot's.
-    [(0.05, 0.025, False), (0.8, 0.025, True), (0.4, 1.0, False), (0.8, 1.0, True)],
+    ("coulomb", "least", "nearly_all", "moves"),
+    [
+        (0.05, 0.025, 1.1, False),
+        (0.8, 0.025, 1.1, True),
+        # What moves its joints less is shared where it is all that is left, and far beyond a healthy robot's.
+        (0.4, 1.0, 1.1, False),
+        (0.8, 1.0, 1.1, True),
+        # Or where it is all but all, and beyond one by the joint of less friction.
+        (0.4, 1.0, 0.95, True),
+        (0.05, 1.0, 0.95, False),
+    ],
 )
-def test_a_shared_drive_moves_one_of_its_joints(arm, monkeypatch, coulomb, least, moves):
+def test_a_shared_drive_moves_one_of_its_joints(arm, monkeypatch, coulomb, least, nearly_all, moves):
     shared = parse_injection(arm, f"joint_coupling:shoulder:into=elbow,viscous=0,coulomb={coulomb}")
     prepared = prepare(arm, simulated_runs(arm, [shared]))
     stage = Stage.of(ground(prepared), [])
     gain = stage.gain(candidates(prepared, only=["joint_coupling"])[0])
     monkeypatch.setattr("diagnosis.naming.LEAST_COUPLED", least)
+    monkeypatch.setattr("diagnosis.naming.NEARLY_ALL_COUPLED", nearly_all)
     assert couples(arm, stage, gain) == moves
 
 

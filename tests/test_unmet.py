@@ -9,8 +9,10 @@ import pytest
 
 from diagnosis.accepted import (
     MANY,
+    ONE_WAY,
     RESONANCE,
     is_rest,
+    laws_of_load,
     laws_of_position,
     many_laws,
     out_of_bounds,
@@ -68,6 +70,33 @@ def test_two_laws_of_position_are_none_unless_one_all_but_explains_the_joint(
     assert [each.candidate.family.effect for each in found] == names[:kept]
     stage = Stage.of(ground(prepared), [])
     assert [each.joint for each in laws_of_position(stage, stage, found)] == joints
+
+
+@pytest.mark.parametrize(
+    ("of_gain", "gain", "named", "joints"),
+    # What gains more than it loses has a gain of its own.
+    [
+        (1, 0.05, True, [1]),
+        (1, -0.05, True, [1]),
+        (1, 0.2, True, []),
+        (0, 0.05, True, []),
+        (1, 0.05, False, []),
+    ],
+)
+def test_a_joint_that_loses_a_share_of_its_load_and_has_another_gain_is_not_as_good_driven_back(
+    prepared, of_gain, gain, named, joints
+):
+    lossy = next(c for c in candidates(prepared, only=["load_dependent_friction"]) if c.family.joint == 1)
+    scaled = next(c for c in candidates(prepared, only=["torque_gain_error"]) if c.family.joint == of_gain)
+    first = Stage.of(ground(prepared), [])
+    last = SimpleNamespace(
+        held_squares=first.held_squares,
+        hypothesis=SimpleNamespace(parts=[slice(0, 1), slice(1, 2)]),
+        fitted=SimpleNamespace(values=np.array([0.1, gain])),
+    )
+    found = laws_of_load(first, last, [accepted_of(lossy), replace(accepted_of(scaled), named=named)])
+    assert [each.joint for each in found] == joints
+    assert all(each.regime == ONE_WAY for each in found)
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.97, True), (0.9, False)])
