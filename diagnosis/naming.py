@@ -139,8 +139,9 @@ def is_nearly_all_shared(sized: Robot, stage: Stage, gain: Gain) -> bool:
 
 
 def is_how_runs_begin(prepared: Prepared, each: Candidate) -> bool:
-    """Whether a push acts as its runs begin and never after: so do brakes that are let go, and friction that
-    held a joint before the log; whatever is none does not.
+    """Whether a push acts as its runs begin and never after; whatever is none does not.
+
+    So do brakes that are let go, and friction that held a joint before the log.
     """
     return each.is_event and begin_with_runs([run.logged for run in prepared.runs], each.member.columns)
 

@@ -68,12 +68,18 @@ def test_bristles_have_a_name_unless_other_joints_have_some_and_more_else_is_car
 
 
 def _is_of_one(
-    robot: Robot, name: str, times: float, torque: float, others: tuple[str, float], of_torque: float = 1.0
+    robot: Robot,
+    name: str,
+    times: float,
+    torque: float,
+    others: tuple[str, float],
+    of_torque: float = 1.0,
+    fault: float = 0.0,
 ) -> bool:
     """Whether an effect of the first joint keeps its name beside others' imperfections.
 
     times: how many times a healthy joint's. others: an effect, and how many times. of_torque: theirs, as a
-    multiple of its own.
+    multiple of its own. fault: how many times a healthy joint's another one has that keeps its name.
     """
     base, (own, *_) = healthy_stage(robot, name)
     _, elsewhere = healthy_stage(robot, others[0])
@@ -83,11 +89,12 @@ def _is_of_one(
         # Bristles are the worse the softer they are.
         return unit / wanted if candidate.family.effect == "presliding_hysteresis" else wanted / unit
 
-    hypothesis, fitted = base.with_effects([own])
+    taken_in = [(own, times), *([(elsewhere[1], fault)] if fault else [])]
+    hypothesis, fitted = base.with_effects([each for each, _ in taken_in])
     values, covariance = fitted.values.copy(), fitted.covariance.copy()
-    (part,) = hypothesis.parts
-    values[part] = amount(own, times) * np.eye(own.count)[0]
-    covariance[part, part] = amount(own, times) ** 2 / 400 * np.eye(own.count)
+    for part, (each, size) in zip(hypothesis.parts, taken_in, strict=True):
+        values[part] = amount(each, size) * np.eye(each.count)[0]
+        covariance[part, part] = amount(each, size) ** 2 / 400 * np.eye(each.count)
     last = Stage(base.ground, hypothesis, replace(fitted, values=values, covariance=covariance))
     theirs = squares(base, of_torque * torque)
     last.held_squares = 2 * theirs
@@ -96,8 +103,13 @@ def _is_of_one(
         for joint, each in enumerate(elsewhere)
         if joint > 0
     ]
-    item = Accepted(own, 1.0, (), score=300.0, share=0.9, worth=torque**2)
-    (found,) = of_one_joint(robot, [item], open_, last)
+    worth = [torque**2, (10 * torque) ** 2]
+    items = [
+        Accepted(each, 1.0, (), score=300.0, share=0.9, worth=own_worth)
+        for (each, _), own_worth in zip(taken_in, worth, strict=False)
+    ]
+    found, *faults = of_one_joint(robot, items, open_, last)
+    assert all(each.named for each in faults)
     assert found.named != found.is_everywhere
     return found.named
 
@@ -119,6 +131,10 @@ def _is_of_one(
 )
 def test_friction_far_beyond_the_other_joints_is_one_joints(scara, name, times, others, named):
     assert _is_of_one(scara, name, times, 0.01, ("transmission_ripple", others)) == named
+
+
+def test_what_another_joint_has_by_name_is_no_imperfection_that_friction_is_held_against(scara):
+    assert _is_of_one(scara, "stribeck_friction", 3.0, 0.01, ("stribeck_friction", 0.5), fault=20.0)
 
 
 @pytest.mark.parametrize(

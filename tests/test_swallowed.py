@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from diagnosis.bank import Bank
@@ -55,6 +56,24 @@ def test_what_left_out_runs_speak_against_must_add_more_to_all_of_them(
     foretold, added = [replace(each, score=score) for each in gains], iter([0.0, evidence])
     monkeypatch.setattr("diagnosis.swallowed.log_posterior", lambda *_: next(added))
     monkeypatch.setattr("diagnosis.swallowed.weigh", lambda *_: foretold)
+    _, found = swallowed(stage, gains)
+    assert bool(found) == expected
+
+
+@pytest.mark.parametrize(("shift", "expected"), [(29.0, False), (31.0, True)])
+def test_what_spares_the_parameters_a_large_shift_is_fitted_in_full(arm, monkeypatch, shift, expected):
+    fault = parse_injection(arm, "torque_gain_error:elbow:relative=0.2")
+    prepared = prepare(arm, simulated_runs(arm, [fault], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    gains = weigh(stage, Bank(stage.ground, candidates(prepared, only=["torque_gain_error"])))[:1]
+    spared = [
+        replace(each, score=-60.0, gain=replace(each.gain, prior=stage.prior + shift)) for each in gains
+    ]
+    added = iter([0.0, 40.0])
+    monkeypatch.setattr("diagnosis.swallowed.log_posterior", lambda *_: next(added))
+    monkeypatch.setattr("diagnosis.swallowed.weigh", lambda *_: spared)
+    # As if what is left of it in the torque told little.
+    monkeypatch.setattr("diagnosis.swallowed.WORTH_A_FIT_AGAINST", np.inf)
     _, found = swallowed(stage, gains)
     assert bool(found) == expected
 
