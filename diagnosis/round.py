@@ -39,6 +39,8 @@ LEAST_SPRING = 0.15
 FAR_MORE = 3.0
 # What gains this share of the most that any effect does may be it.
 AS_MUCH = 0.7
+# And with this share of a joint's squared residual it is what acts there.
+NEARLY_ALL = 0.9
 # One that is alone takes off this share of some joint's RMS torque.
 SEEN_ALONE = 0.0015
 # A trace that left-out runs tell has a name from four and a half standard deviations, with this share of some
@@ -140,6 +142,9 @@ class Search:
         ):
             return pushed
         if clipped is not None and limit > largest:
+            shared = [w for w in material if _is_told_elsewhere(stage, w.gain, clipped)]
+            if shared and (chosen := choose(self.sized, stage, shared, weighed, self.without)) is not None:
+                return Found(*chosen)
             # Who withstands a push asks for torque as long as it lasts.
             if (pushed := push()) is not None and _is_likelier_there(pushed.best, clipped):
                 return pushed
@@ -220,6 +225,16 @@ class Search:
             return None
         best, rivals, _ = chosen
         return Found(best, rivals, stage.with_effects([best.candidate]), is_trace=True, is_last=True)
+
+
+def _is_told_elsewhere(stage: Stage, gain: Gain, limit: Weighed) -> bool:
+    """Whether what loads a limit's joint as well is nearly all that is left at another one.
+
+    Fitted without it, a limit takes up what it does at its joint, and leaves it contradicted there.
+    """
+    joint, rows = limit.candidate.family.joint, list(gain.candidate.member.rows)
+    elsewhere = [row for row in rows if row != joint]
+    return joint in rows and bool(np.any(stage.shares(gain)[elsewhere] > NEARLY_ALL))
 
 
 def _is_likelier_there(one: Weighed, other: Weighed) -> bool:

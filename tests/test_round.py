@@ -104,3 +104,23 @@ def test_a_push_is_one_where_a_limit_of_its_drive_explains_far_less(tmp_path, mo
     found = Search(stage, arm, [], ()).round(stage, [], Bank(stage.ground, []))
     assert found is not None
     assert found.best.candidate.family.effect == expected
+
+
+@pytest.mark.parametrize(("nearly_all", "expected"), [(0.9, "joint_coupling"), (1.1, "torque_saturation")])
+def test_a_shared_drive_that_its_other_joint_tells_is_taken_in_before_a_limit(
+    arm, monkeypatch, nearly_all, expected
+):
+    shared = parse_injection(arm, "joint_coupling:shoulder:into=elbow,viscous=0.8,coulomb=0.8")
+    prepared = prepare(arm, simulated_runs(arm, [shared], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    weighed = weigh(stage, Bank(stage.ground, candidates(prepared, only=["joint_coupling"])))
+    friction = candidates(prepared, only=["asymmetric_friction"])
+    own = next(stage.gain(each) for each in friction if each.family.joint == 1)
+    limit = replace(own.candidate, family=replace(own.candidate.family, effect="torque_saturation"))
+    clipped = Weighed(replace(own, candidate=limit), 1e6)
+    monkeypatch.setattr("diagnosis.round.NEARLY_ALL", nearly_all)
+    monkeypatch.setattr("diagnosis.round.saturation", lambda *_: clipped)
+    monkeypatch.setattr(Search, "push", lambda *_: None)
+    found = Search(stage, arm, [], ()).round(stage, weighed, Bank(stage.ground, []))
+    assert found is not None
+    assert found.best.candidate.family.effect == expected
