@@ -198,9 +198,12 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
     told: the probability of each effect that the verdict names, by its place among those taken in.
     """
     ranked, nearest = [], {(item.nearest, item.joint) for item in found.unknown}
+    misfit = {item.joint for item in found.unknown}
     for index, accepted in enumerate(found.accepted):
         family = accepted.candidate.family
         reason = "fitted, but no more than healthy robots have or a law's rest"
+        if family.joint in misfit:
+            reason = "fitted, beside what no effect explains at its joint"
         if (family.effect, family.joint) in nearest:
             reason = "fitted, but leaves too much of the gap"
         if accepted.is_everywhere:

@@ -11,6 +11,7 @@ from diagnosis.attribution import attribute
 from diagnosis.bank import Bank
 from diagnosis.candidates import Candidate, candidates
 from diagnosis.contact import contact, explains_all_bursts
+from diagnosis.diagnose import diagnose
 from diagnosis.evidence import fitted_to, squares
 from diagnosis.generic import generic_candidates
 from diagnosis.ground import ground
@@ -58,15 +59,18 @@ def test_it_is_taken_in_before_what_would_imitate_it(pushed):
     assert not any(each.named for each in others)
 
 
-@pytest.mark.parametrize(("start", "named"), [(0, False), (1500, True)])
-def test_what_is_there_as_a_run_begins_and_never_after_is_no_push_by_name(tmp_path, start, named):
+@pytest.mark.parametrize(("start", "reason"), [(0, "fitted, but only where runs begin"), (1500, "")])
+def test_what_is_there_as_a_run_begins_and_never_after_is_no_push_by_name(tmp_path, start, reason):
     arm = small_arm(tmp_path)
     runs = simulated_runs(arm, [], runs=3)
     torque = runs["run_2"].torque.copy()
     torque[start : start + 700, 0] += 8.0
     runs["run_2"] = replace(runs["run_2"], torque=torque)
-    first, *_ = attribute(prepare(arm, runs)).accepted
-    assert (first.candidate.is_event, first.named) == (True, named)
+    found = diagnose(arm, runs)
+    assert [each.effect for each in found.effects] == ([] if reason else ["external_contact"])
+    (pushed,) = [each for each in found.ranked if each.effect == "external_contact" and each.joint == 0]
+    assert pushed.reason.startswith(reason)
+    assert bool(pushed.reason) == bool(reason)
 
 
 def test_a_push_less_than_a_third_as_hard_in_another_run_is_fitted_too(tmp_path):

@@ -375,3 +375,14 @@ def test_what_is_far_louder_than_the_noise_is_unknown_however_fast(arm, band, ve
         torque[:, 1] += 0.05 * torque[:, 1].std() * loud / loud.std() / passed
         runs[name] = replace(run, torque=torque, torque_command=None)
     assert diagnose(arm, runs).verdict == verdict
+
+
+def test_a_gear_that_hardly_drives_back_is_told_with_what_was_fitted_for_it(arm):
+    faults = ("load_dependent_friction:shoulder:coefficient=0.2", "torque_gain_error:shoulder:relative=0.2")
+    found = diagnose(arm, simulated_runs(arm, [parse_injection(arm, text) for text in faults], runs=3))
+    assert found.verdict == "unknown"
+    assert re.match(
+        r"At shoulder \d+% of the gap follows the joint's load, more of it one way", found.sentence
+    )
+    reasons = {each.effect: each.reason for each in found.ranked if each.joint == 0}
+    assert reasons["load_dependent_friction"] == "fitted, beside what no effect explains at its joint"
