@@ -86,10 +86,10 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
     first: re-identification alone. last: with all effects taken in.
     """
     found, named = [], [a for a in accepted if a.named and _is_of_position(a)]
-    for joint in range(first.prepared.joints):
-        laws = [a for a in named if a.candidate.family.joint == joint]
-        if len({item.candidate.family.effect for item in laws}) > 1:
-            found.append(Unclaimed(joint, "position", 1 - float(share_left(first, last)[joint])))
+    for joint, left in enumerate(share_left(first, last).tolist()):
+        laws = {a.candidate.family.effect for a in named if a.candidate.family.joint == joint}
+        if len(laws) > 1:
+            found.append(Unclaimed(joint, "position", 1 - left))
     return tuple(found)
 
 

@@ -197,21 +197,9 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
 
     told: the probability of each effect that the verdict names, by its place among those taken in.
     """
-    ranked, nearest = [], {(item.nearest, item.joint) for item in found.unknown}
-    misfit = {item.joint for item in found.unknown}
+    ranked = []
     for index, accepted in enumerate(found.accepted):
         family = accepted.candidate.family
-        reason = "fitted, but no more than healthy robots have or a law's rest"
-        if family.joint in misfit:
-            reason = "fitted, beside what no effect explains at its joint"
-        if (family.effect, family.joint) in nearest:
-            reason = "fitted, but leaves too much of the gap"
-        if accepted.is_everywhere:
-            reason = "fitted, but hardly larger than other joints' imperfections"
-        if is_how_runs_begin(found.prepared, accepted.candidate):
-            reason = "fitted, but only where runs begin, as brakes and friction that still hold are"
-        if accepted.named:
-            reason = "" if index in told else "beside a larger gap that has no name"
         ranked.append(
             RankedCandidate(
                 effect=family.effect,
@@ -219,7 +207,7 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
                 into=family.into,
                 probability=told.get(index, 0.0),
                 score=accepted.share,
-                reason=reason,
+                reason="" if index in told else _why_not_told(found, accepted),
             )
         )
         # Where a name is less certain, its rivals are as well.
@@ -245,3 +233,19 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
     for item in sorted(ranked, key=lambda r: -r.probability):
         seen.setdefault((item.effect, item.joint, item.into), item)
     return tuple(seen.values())
+
+
+def _why_not_told(found: Attribution, item: Accepted) -> str:
+    """Why the verdict does not name what was taken in."""
+    family = item.candidate.family
+    if item.named:
+        return "beside a larger gap that has no name"
+    if is_how_runs_begin(found.prepared, item.candidate):
+        return "fitted, but only where runs begin, as brakes and friction that still hold are"
+    if item.is_everywhere:
+        return "fitted, but hardly larger than other joints' imperfections"
+    if (family.effect, family.joint) in {(each.nearest, each.joint) for each in found.unknown}:
+        return "fitted, but leaves too much of the gap"
+    if family.joint in {each.joint for each in found.unknown}:
+        return "fitted, beside what no effect explains at its joint"
+    return "fitted, but no more than healthy robots have or a law's rest"

@@ -34,14 +34,14 @@ ALIKE: Mapping[str, tuple[tuple[str, ...], float, float]] = {
 # But what its joint carries little torque beside, or its parameters take up, is one joint's where it is
 # certainly so many times a healthy one's, and so many times as far beyond as these of the other joints:
 # each joint's friction bends a little. What grows with the load is told from others' by its own size; what
-# falls with the speed, if no more of the others' torque is imperfect than this multiple of it, or it is twice
-# that. Of a cable first moments leave little, but it pulls as it does.
+# falls with the speed, if no more of the others' torque is imperfect than this multiple of it, or it is far
+# more than that. Of a cable first moments leave little, but it pulls as it does.
 SLIDING = tuple(each for each in FRICTION if each != BRISTLES)
-ONE_JOINTS: Mapping[str, tuple[tuple[float, float, tuple[str, ...], float], ...]] = {
-    "stribeck_friction": ((2.0, 2.0, SLIDING, 1.0), (4.0, 3.0, SLIDING, np.inf)),
-    BENDING: ((2.0, 3.5, SLIDING, np.inf),),
-    OF_THE_LOAD: ((1.5, 0.0, SLIDING, np.inf),),
-    CABLE: ((1.5, 3.5, SPRINGS, np.inf),),
+ONE_JOINTS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[float, float, float], ...]]] = {
+    "stribeck_friction": (SLIDING, ((2.0, 2.0, 1.0), (4.0, 3.0, np.inf))),
+    BENDING: (SLIDING, ((2.0, 3.5, np.inf),)),
+    OF_THE_LOAD: (SLIDING, ((1.5, 0.0, np.inf),)),
+    CABLE: (SPRINGS, ((1.5, 3.5, np.inf),)),
 }
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: up to
 # this share of their joint's torque they have no name where others surely give way this share as far, with
@@ -169,15 +169,17 @@ def _is_of_one(
 
     theirs: of ``_of_others``. faults: places that do not count.
     """
-    for far_beyond, as_others, its_kind, of_others in ONE_JOINTS.get(
-        last.hypothesis.accepted[place].family.effect, ()
-    ):
-        own, others = _seen(robot, place, its_kind, open_, last, faults)
-        most = max((each.times for each in others if each.wald > SMALLEST_WALD), default=0.0)
-        certainly = own.times * (1 - BEYOND / np.sqrt(own.wald))
-        if theirs <= of_others and certainly > far_beyond and own.times > as_others * most:
-            return True
-    return False
+    effect = last.hypothesis.accepted[place].family.effect
+    if effect not in ONE_JOINTS:
+        return False
+    its_kind, levels = ONE_JOINTS[effect]
+    own, others = _seen(robot, place, its_kind, open_, last, faults)
+    most = max((each.times for each in others if each.wald > SMALLEST_WALD), default=0.0)
+    certainly = own.times * (1 - BEYOND / np.sqrt(own.wald))
+    return any(
+        theirs <= of_others and certainly > far_beyond and own.times > as_others * most
+        for far_beyond, as_others, of_others in levels
+    )
 
 
 def _are_bristles_of_all(

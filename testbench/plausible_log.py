@@ -150,11 +150,8 @@ def _is_driven(torque: Array, links: Array, dq: Array, ddq: Array) -> Mask:
     """
     driven = np.zeros(torque.shape[1], bool)
     for joint in np.flatnonzero(_rms(dq) > MOVING).tolist():
-        x, speed, own = (
-            _regressor(links[:, joint], dq[:, joint], ddq[:, joint]),
-            dq[:, joint],
-            torque[:, joint],
-        )
+        speed, own = dq[:, joint], torque[:, joint]
+        x = _regressor(links[:, joint], speed, ddq[:, joint])
         usual = np.abs(speed) <= np.quantile(np.abs(speed), USUAL_SPEED)
         driven[joint] = _rms(speed[usual]) > MOVING and all(
             _drives(x[part], speed[part], own[part]) for part in (slice(None), usual)

@@ -78,13 +78,7 @@ def common_times(runs: Sequence[Logged], columns: Sequence[Array]) -> list[tuple
 
     columns: of pushes, a run (N, r, k), zero before and after each. Empty for a single run.
     """
-    times = [
-        [
-            (first / run.sample_rate, last / run.sample_rate)
-            for first, last in _stretches(own.any(axis=(1, 2)))
-        ]
-        for run, own in zip(runs, columns, strict=True)
-    ]
+    times = _times(runs, columns)
     if len(times) < 2:
         return []
     found = []
@@ -98,11 +92,18 @@ def common_times(runs: Sequence[Logged], columns: Sequence[Array]) -> list[tuple
 
 def begin_with_runs(runs: Sequence[Logged], columns: Sequence[Array]) -> bool:
     """Whether all pushes are there as their runs begin. columns: as of ``common_times``."""
-    return all(
-        first < SHORTEST * run.sample_rate
+    return all(first < SHORTEST for own in _times(runs, columns) for first, _ in own)
+
+
+def _times(runs: Sequence[Logged], columns: Sequence[Array]) -> list[list[tuple[float, float]]]:
+    """Start and end, s from the start of its run, of each push; a run each, as of ``common_times``."""
+    return [
+        [
+            (first / run.sample_rate, last / run.sample_rate)
+            for first, last in _stretches(own.any(axis=(1, 2)))
+        ]
         for run, own in zip(runs, columns, strict=True)
-        for first, _ in _stretches(own.any(axis=(1, 2)))
-    )
+    ]
 
 
 def _stretches(where: ArrayLike) -> list[tuple[int, int]]:
