@@ -1,0 +1,1 @@
+"""Standing judges: recordings of real robots and independent simulated plants, diagnosed and scored."""
