@@ -21,7 +21,7 @@ from cyclopts import (
 
 from identification.errors import InputError
 
-from .commands import blind, effects
+from .commands import blind, effects, study
 from .commands.comparison import compare, list_names, view
 from .commands.diagnosis import diagnose, loop, predict
 from .commands.identification import excite, identify, run, simulate
@@ -40,6 +40,7 @@ for command in (run, excite, simulate, identify, diagnose, predict, loop, compar
 app.command(list_names, name="list")
 app.command(effects.app)
 app.command(blind.app)
+app.command(study.app)
 
 # What a command imports is a quarter of a million objects that stay to the end: searched for garbage as
 # often as Python does by default, and once more before it ends, they take a second.

@@ -1,0 +1,1 @@
+"""Recordings of real robots: diagnosed by some of their runs, judged by another."""

@@ -1,0 +1,5 @@
+"""``python -m testbench``: the command line."""
+
+from .cli import main
+
+main()

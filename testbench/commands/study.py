@@ -1,0 +1,25 @@
+"""The standing judges: how the diagnosis does on recordings of real robots and on independent plants."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from .options import Processes
+
+app = App(name="study", help="The standing judges: recordings of real robots, independent simulated plants.")
+
+
+@app.command(name="recordings")
+def study_recordings(
+    plan: Annotated[Path, Parameter(help="plan YAML: which runs are fitted, which are predicted")],
+    /,
+    *,
+    data: Annotated[Path, Parameter(help="folder that holds a folder a recording, as the plan names them")],
+    out: Annotated[Path, Parameter(help="folder for recordings.md and .csv; a second call resumes")],
+    jobs: Processes = None,
+) -> None:
+    """Diagnose recordings of real robots by some of their runs and predict another."""
+    from studies.recordings.study import study
+
+    study(plan, data, out, jobs)
