@@ -110,6 +110,7 @@ def correction_document(model: Corrected) -> dict[str, Any]:
     return {
         "chain": {
             "joint_names": list(chain.joint_names),
+            "parent": chain.parent.tolist(),
             "is_slide": chain.is_slide.tolist(),
             **{name: getattr(chain, name).tolist() for name in ARRAYS},
         },
@@ -150,6 +151,7 @@ def read_correction(document: Any, source: object) -> Corrected:
         chain_part, effects = document["chain"], document["effects"]
         chain = Chain(
             joint_names=tuple(chain_part["joint_names"]),
+            parent=np.array(chain_part["parent"], dtype=np.int64),
             is_slide=np.array(chain_part["is_slide"], dtype=bool),
             **{name: np.array(chain_part[name], dtype=np.float64) for name in ARRAYS},
         )

@@ -1,4 +1,7 @@
-"""The kinematic chain of a fixed-base serial arm as plain arrays, read from a compiled MJCF once.
+"""The kinematics of a robot on a fixed base as plain arrays, read from a compiled MJCF once.
+
+Joints form a tree: an arm without branches is the common case. Each joint knows the one before it on its
+branch, its parent (the array lambda of Featherstone, "Rigid Body Dynamics Algorithms", 2008, ch. 4).
 
 Link frames: the origin lies on the joint's anchor and z along the joint's axis. Where the MJCF
 body frame already does so (as in a modified Denavit-Hartenberg model) the link frame is the body
@@ -13,13 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
+from .kinematics import moving
 from .parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT, VISCOUS, inertial_parameters
 
 Array = NDArray[np.float64]
-# is_slide, rotation, translation, gravity, springs.
-ChainArrays = tuple[NDArray[np.bool_], Array, Array, Array, Array]
+# parent, is_slide, rotation, translation, gravity, springs.
+ChainArrays = tuple[NDArray[np.int64], NDArray[np.bool_], Array, Array, Array, Array]
 
-HINGE, SLIDE = 3, 2
+FREE, SLIDE, HINGE = 0, 2, 3
 # mjtDisableBit.mjDSBL_SPRING and mjDSBL_GRAVITY
 SPRINGS_DISABLED, GRAVITY_DISABLED = 1 << 5, 1 << 7
 JOINT_TYPES = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
@@ -27,9 +31,10 @@ JOINT_TYPES = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 
 @dataclass(frozen=True)
 class Chain:
-    """A serial chain of n hinge and slide joints.
+    """A tree of n hinge and slide joints.
 
-    joint_names: n names, base to tip.
+    joint_names: n names, every joint after its parent.
+    parent: (n,) index of the joint before on the same branch, -1 for the base.
     is_slide: (n,) bool.
     rotation: (n, 3, 3), link frame in its parent's at q = 0; columns are the link's axes.
     translation: (n, 3) m, link origin in its parent's frame at q = 0.
@@ -38,11 +43,17 @@ class Chain:
     """
 
     joint_names: tuple[str, ...]
+    parent: NDArray[np.int64]
     is_slide: NDArray[np.bool_]
     rotation: Array
     translation: Array
     gravity: Array
     springs: Array
+
+    def __post_init__(self) -> None:
+        """Raises ValueError unless every joint comes after its parent."""
+        if np.any(self.parent < -1) or np.any(self.parent >= np.arange(self.joints)):
+            raise ValueError(f"parent: every joint after its parent, not {np.asarray(self.parent).tolist()}")
 
     @property
     def joints(self) -> int:
@@ -52,7 +63,20 @@ class Chain:
     @property
     def arrays(self) -> ChainArrays:
         """The fields as compiled code takes them."""
-        return self.is_slide, self.rotation, self.translation, self.gravity, self.springs
+        return self.parent, self.is_slide, self.rotation, self.translation, self.gravity, self.springs
+
+    @property
+    def moves(self) -> NDArray[np.bool_]:
+        """Which joints i move which links j, [j, i] of (n, n)."""
+        return np.asarray(moving(self.parent), dtype=bool)
+
+    def path(self, joint: int) -> list[int]:
+        """The joints that move a joint's link, base to link; the last is the joint itself."""
+        return [int(each) for each in np.flatnonzero(self.moves[joint])]
+
+    def children(self, joint: int) -> list[int]:
+        """The joints that sit on a joint's link."""
+        return [int(each) for each in np.flatnonzero(self.parent == joint)]
 
     def without_springs(self) -> "Chain":
         """The same bodies and gravity alone."""
@@ -69,15 +93,15 @@ class _Placement:
 
 
 def chain_from_model(model: Any) -> tuple[Chain, Array]:
-    """The chain of a compiled ``mujoco.MjModel``, and its standard parameters, shape (14 n,).
+    """The joints' tree of a compiled ``mujoco.MjModel``, and its standard parameters, shape (14 n,).
 
     The parameters are those of the model itself: inertias, armature, damping and frictionloss;
-    the offset is zero. Raises InputError when the model is not a fixed-base serial arm of hinge
-    and slide joints, or drives itself.
+    the offset is zero. Raises InputError when the model is not a robot of hinge and slide joints on
+    a fixed base, or drives itself.
     """
-    _require_serial_arm(model)
+    _require_fixed_base(model)
     n = model.njnt
-    rotations, translations = np.empty((n, 3, 3)), np.empty((n, 3))
+    rotations, translations, parents = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty(n, np.int64)
     parameters = np.zeros((n, PER_JOINT))
     placements = {0: _Placement(-1, np.eye(3), np.zeros(3))}
     for body in range(1, model.nbody):
@@ -90,6 +114,7 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
             frame = rotation @ frame_with_z(model.jnt_axis[joint])
             anchor = position + rotation @ model.jnt_pos[joint]
             rotations[joint], translations[joint] = _pose_at_zero(model, joint, frame, anchor)
+            parents[joint] = link
             # From here on the body is described in this joint's link frame.
             position, rotation = frame.T @ (position - anchor), frame.T @ rotation
             link = joint
@@ -103,6 +128,7 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
     _require_none_negative(parameters, names)
     chain = Chain(
         joint_names=names,
+        parent=parents,
         is_slide=np.asarray(model.jnt_type) == SLIDE,
         rotation=rotations,
         translation=translations,
@@ -123,32 +149,26 @@ def _springs(model: Any) -> Array:
     return np.zeros_like(springs) if model.opt.disableflags & SPRINGS_DISABLED else springs
 
 
-def _require_serial_arm(model: Any) -> None:
-    """Raise InputError unless the joints form one chain of hinges and slides on a fixed base."""
+def _require_fixed_base(model: Any) -> None:
+    """Raise InputError unless there are joints, all of them hinges and slides."""
     if model.njnt == 0:
         raise InputError("model", "joint", "at least one hinge or slide joint", "none")
     for joint in range(model.njnt):
         kind = int(model.jnt_type[joint])
-        if kind not in (HINGE, SLIDE):
-            name = model.joint(joint).name or f"joint {joint}"
-            raise InputError(
-                "model",
-                name,
-                "a hinge or slide joint of a fixed-base arm",
-                JOINT_TYPES[kind],
-                ("hinge", "slide"),
-            )
-    carrier = {0: -1}
-    last = -1
-    for body in range(1, model.nbody):
-        link = carrier[int(model.body_parentid[body])]
-        if model.body_jntnum[body]:
-            first = int(model.body_jntadr[body])
-            if link != last or first != last + 1:
-                name = model.joint(first).name or f"joint {first}"
-                raise InputError("model", name, "a serial chain, each joint after the one before", "a branch")
-            link = last = first + int(model.body_jntnum[body]) - 1
-        carrier[body] = link
+        if kind in (HINGE, SLIDE):
+            continue
+        got = JOINT_TYPES[kind]
+        if kind == FREE and _carries_joints(model, int(model.jnt_bodyid[joint])):
+            got += ", a moving base; hold the trunk: clamp the robot, and take this joint out of the model"
+        name = model.joint(joint).name or f"joint {joint}"
+        expected = "a hinge or slide joint of a robot on a fixed base"
+        raise InputError("model", name, expected, got, ("hinge", "slide"))
+
+
+def _carries_joints(model: Any, trunk: int) -> bool:
+    """Whether other bodies with joints hang on a body that hangs on the world."""
+    carried = (np.asarray(model.body_rootid) == trunk) & (np.arange(model.nbody) != trunk)
+    return bool(np.any(np.asarray(model.body_jntnum)[carried]))
 
 
 def _require_none_negative(parameters: Array, names: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""The energy of a chain and the power it dissipates, both linear in the standard parameters.
+"""The energy of a robot and the power it dissipates, both linear in the standard parameters.
 
 Kinetic and potential energy of link j about its frame's origin, whose velocity is v, angular
 velocity omega and position p (Khalil & Dombre 2004, ch. 9; Gautier 1997):
@@ -28,9 +28,10 @@ def energy_regressor(chain: Chain, q: Array, dq: Array, columns: NDArray[np.int6
     """
     samples = len(q)
     h = np.zeros((samples, chain.joints, PER_JOINT))
-    rotation = np.broadcast_to(np.eye(3), (samples, 3, 3))
-    position, velocity, spin = (np.zeros((samples, 3)) for _ in range(3))
+    base = np.broadcast_to(np.eye(3), (samples, 3, 3)), *(np.zeros((samples, 3)) for _ in range(3))
+    links = {-1: base}
     for j in range(chain.joints):
+        rotation, position, velocity, spin = links[int(chain.parent[j])]
         offset = np.broadcast_to(chain.translation[j], (samples, 3))
         turn = chain.rotation[j]
         if chain.is_slide[j]:
@@ -46,6 +47,7 @@ def energy_regressor(chain: Chain, q: Array, dq: Array, columns: NDArray[np.int6
             velocity[:, 2] += dq[:, j]
         else:
             spin[:, 2] += dq[:, j]
+        links[j] = rotation, position, velocity, spin
         x, y, z = spin.T
         h[:, j, :6] = np.stack([x * x / 2, x * y, x * z, y * y / 2, y * z, z * z / 2], axis=1)
         h[:, j, 6:9] = np.cross(velocity, spin) - chain.gravity @ rotation

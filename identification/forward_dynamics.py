@@ -26,7 +26,7 @@ def accelerate(
     out: Array,
 ) -> bool:
     """Forward dynamics: ddq (n,) into ``out``, the mass matrix's Cholesky factor into ``mass``."""
-    (is_slide, rotation, translation, gravity, springs), table, coulomb, dead_zone = robot
+    (parent, is_slide, rotation, translation, gravity, springs), table, coulomb, dead_zone = robot
     n = q.size
     positions, velocities, accelerations = work
     for r in range(n + 1):
@@ -34,7 +34,7 @@ def accelerate(
             positions[r, j], velocities[r, j] = q[j], dq[j]
             accelerations[r, j] = 1.0 if r == j else 0.0
     _inverse_dynamics(
-        is_slide, rotation, translation, gravity, springs, table, 0.0,
+        parent, is_slide, rotation, translation, gravity, springs, table, 0.0,
         positions[: n + 1], velocities[: n + 1], accelerations[: n + 1], torques[: n + 1],
     )  # fmt: skip
     for i in range(n):

@@ -58,6 +58,7 @@ def mass_matrices(chain: Chain, parameters: Array, q: Array, threads: int | None
 
 @kernel
 def _inverse_dynamics(
+    parent: NDArray[np.int64],
     is_slide: NDArray[np.bool_],
     rotation: Array,
     translation: Array,
@@ -74,10 +75,19 @@ def _inverse_dynamics(
     rotations = np.empty((n, 9))
     origins = np.empty((n, 3))
     wrenches = np.empty((n, 6))
+    # Row j + 1 is link j, row 0 the base.
+    links = np.zeros((n + 1, 9))
+    links[0, 6], links[0, 7], links[0, 8] = -gravity[0], -gravity[1], -gravity[2]
     for t in range(q.shape[0]):
         ox = oy = oz = lx = ly = lz = 0.0
         ax, ay, az = -gravity[0], -gravity[1], -gravity[2]
         for j in range(n):
+            before = parent[j]
+            if before != j - 1:
+                # A branch: on from where it leaves.
+                ox, oy, oz = links[before + 1, 0], links[before + 1, 1], links[before + 1, 2]
+                lx, ly, lz = links[before + 1, 3], links[before + 1, 4], links[before + 1, 5]
+                ax, ay, az = links[before + 1, 6], links[before + 1, 7], links[before + 1, 8]
             r = rotations[j]
             px, py, pz = translation[j, 0], translation[j, 1], translation[j, 2]
             v, acc = dq[t, j], ddq[t, j]
@@ -102,6 +112,9 @@ def _inverse_dynamics(
                 ly -= v * ox
                 lz += acc
                 oz += v
+            links[j + 1, 0], links[j + 1, 1], links[j + 1, 2] = ox, oy, oz
+            links[j + 1, 3], links[j + 1, 4], links[j + 1, 5] = lx, ly, lz
+            links[j + 1, 6], links[j + 1, 7], links[j + 1, 8] = ax, ay, az
             xx, xy, xz = table[j, 0], table[j, 1], table[j, 2]
             yy, yz, zz = table[j, 3], table[j, 4], table[j, 5]
             mx, my, mz, mass = table[j, 6], table[j, 7], table[j, 8], table[j, 9]
@@ -121,13 +134,14 @@ def _inverse_dynamics(
             torque += table[j, 10] * ddq[t, j] + table[j, 11] * v
             torque += pull(springs[j, 0], springs[j, 1], springs[j, 2], q[t, j] - springs[j, 3])
             out[t, j] = torque + table[j, 12] * coulomb_sign(v, coulomb_velocity) + table[j, 13]
-            if j > 0:
+            before = parent[j]
+            if before >= 0:
                 fx, fy, fz = into_parent(rotations[j], fx, fy, fz)
                 nx, ny, nz = into_parent(rotations[j], nx, ny, nz)
                 cx, cy, cz = cross(origins[j, 0], origins[j, 1], origins[j, 2], fx, fy, fz)
-                wrenches[j - 1, 0] += fx
-                wrenches[j - 1, 1] += fy
-                wrenches[j - 1, 2] += fz
-                wrenches[j - 1, 3] += nx + cx
-                wrenches[j - 1, 4] += ny + cy
-                wrenches[j - 1, 5] += nz + cz
+                wrenches[before, 0] += fx
+                wrenches[before, 1] += fy
+                wrenches[before, 2] += fz
+                wrenches[before, 3] += nx + cx
+                wrenches[before, 4] += ny + cy
+                wrenches[before, 5] += nz + cz

@@ -152,7 +152,7 @@ def _slopes(
 
     The slope of friction inside the dead zone is left out: too steep for a step, and not to be relied on.
     """
-    (is_slide, rotation, translation, gravity, springs), table, _, dead_zone = robot
+    (parent, is_slide, rotation, translation, gravity, springs), table, _, dead_zone = robot
     n, b = acceleration.size, columns.size
     positions, velocities, accelerations = work
     for r in range(2 * n + 1):
@@ -162,11 +162,11 @@ def _slopes(
         positions[j, j] += DIFFERENCE
         velocities[n + j, j] += DIFFERENCE
     _inverse_dynamics(
-        is_slide, rotation, translation, gravity, springs, table, 0.0,
+        parent, is_slide, rotation, translation, gravity, springs, table, 0.0,
         positions, velocities, accelerations, torques,
     )  # fmt: skip
     _regressor(
-        is_slide, rotation, translation, gravity, slots, 0.0,
+        parent, is_slide, rotation, translation, gravity, slots, 0.0,
         positions[2 * n :], velocities[2 * n :], accelerations[2 * n :], rows,
     )  # fmt: skip
     for i in range(b):

@@ -24,6 +24,41 @@ def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> t
 
 
 @kernel
+def moving(parent: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which joints i move which links j, [j, i] of (n, n): those between the base and the link."""
+    n = parent.size
+    out = np.zeros((n, n), dtype=np.bool_)
+    for j in range(n):
+        if parent[j] >= 0:
+            out[j] = out[parent[j]]
+        out[j, j] = True
+    return out
+
+
+@kernel
+def branching(parent: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether a branch leaves each link (n,) that begins after other joints."""
+    out = np.zeros(parent.size, dtype=np.bool_)
+    for j in range(parent.size):
+        if 0 <= parent[j] < j - 1:
+            out[parent[j]] = True
+    return out
+
+
+@kernel
+def paths_to(parent: NDArray[np.int64]) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
+    """The joints that move each link j, base to link, [j, : depth + 1] of (n, n); and the depths (n,)."""
+    n = parent.size
+    paths, depths = np.zeros((n, n), dtype=np.uint64), np.zeros(n, dtype=np.int64)
+    for j in range(n):
+        if parent[j] >= 0:
+            depths[j] = depths[parent[j]] + 1
+            paths[j] = paths[parent[j]]
+        paths[j, depths[j]] = j
+    return paths, depths
+
+
+@kernel
 def link_rotation(fixed: Array, c: float, s: float, out: Array) -> None:
     """out (9,) = fixed (3, 3) times a turn about z by the angle of cosine c and sine s, row-major."""
     for row in range(3):

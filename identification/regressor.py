@@ -9,7 +9,7 @@ gravity, and (w, u) the unit motion of joint i at link j's origin (angular, line
     first moments    u x alpha + (u x omega) x omega + a x w
     mass             u . a
 
-Only the 6-vectors (w, u) travel down the chain, never 6 x 10 matrices.
+Only the 6-vectors (w, u) travel out along the branches, never 6 x 10 matrices.
 """
 
 import os
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .chain import Chain
-from .kinematics import cross, into_link, kernel, link_rotation, origin_acceleration
+from .kinematics import branching, cross, into_link, kernel, link_rotation, origin_acceleration, paths_to
 from .parameters import PER_JOINT
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def regressor(
     slots, count = column_slots(chain.joints, columns)
     if out is None:
         out = np.empty((len(q), chain.joints, count))
-    arguments = (chain.is_slide, chain.rotation, chain.translation, chain.gravity, slots, coulomb_velocity)
+    arguments = (*chain.arrays[:-1], slots, coulomb_velocity)
 
     def fill(start: int, stop: int) -> None:
         part = slice(start, stop)
@@ -83,6 +83,7 @@ def in_blocks(work: Callable[[int, int], None], samples: int, threads: int | Non
 
 @kernel
 def _regressor(
+    parent: NDArray[np.int64],
     is_slide: NDArray[np.bool_],
     rotation: Array,
     translation: Array,
@@ -95,14 +96,26 @@ def _regressor(
     out: Array,
 ) -> None:
     n, c = is_slide.size, out.shape[2]
-    r = np.empty(9)
-    motions = np.zeros((n, 6))
+    r, is_left = np.empty(9), branching(parent)
+    paths, depths = paths_to(parent)
+    # Row j + 1 is link j, row 0 the base.
+    links = np.zeros((n + 1, 9))
+    links[0, 6], links[0, 7], links[0, 8] = -gravity[0], -gravity[1], -gravity[2]
+    motions, motions_of = np.zeros((n, 6)), np.zeros((n, n, 6))
     # One sample's rows stay in the first-level cache; unwanted columns fall into the last slot.
     rows = np.zeros((n, c + 1))
     for t in range(q.shape[0]):
         ox = oy = oz = lx = ly = lz = 0.0
         ax, ay, az = -gravity[0], -gravity[1], -gravity[2]
         for j in range(n):
+            before = parent[j]
+            if before != j - 1:
+                # A branch: on from where it leaves.
+                ox, oy, oz = links[before + 1, 0], links[before + 1, 1], links[before + 1, 2]
+                lx, ly, lz = links[before + 1, 3], links[before + 1, 4], links[before + 1, 5]
+                ax, ay, az = links[before + 1, 6], links[before + 1, 7], links[before + 1, 8]
+                if before >= 0:
+                    motions[:] = motions_of[before]
             px, py, pz = translation[j, 0], translation[j, 1], translation[j, 2]
             v, acc = dq[t, j], ddq[t, j]
             if is_slide[j]:
@@ -125,17 +138,23 @@ def _regressor(
                 ly -= v * ox
                 lz += acc
                 oz += v
+            if is_left[j]:
+                links[j + 1, 0], links[j + 1, 1], links[j + 1, 2] = ox, oy, oz
+                links[j + 1, 3], links[j + 1, 4], links[j + 1, 5] = lx, ly, lz
+                links[j + 1, 6], links[j + 1, 7], links[j + 1, 8] = ax, ay, az
             # [alpha]x + [omega]x[omega]x, shared by every joint that moves this link.
             bxx, byy, bzz = -(oy * oy + oz * oz), -(ox * ox + oz * oz), -(ox * ox + oy * oy)
             bxy, byx = ox * oy - lz, ox * oy + lz
             bxz, bzx = ox * oz + ly, ox * oz - ly
             byz, bzy = oy * oz - lx, oy * oz + lx
             slot = slots[PER_JOINT * j : PER_JOINT * (j + 1)]
-            for i in range(j + 1):
-                if i < j:
+            last = depths[j]
+            for i in range(last + 1):
+                if i < last:
                     wx, wy, wz = motions[i, 0], motions[i, 1], motions[i, 2]
                     tx, ty, tz = cross(wx, wy, wz, px, py, pz)
-                    ux, uy, uz = motions[i, 3] + tx, motions[i, 4] + ty, motions[i, 5] + tz
+                    ux, uy, uz = motions[i, 3], motions[i, 4], motions[i, 5]
+                    ux, uy, uz = ux + tx, uy + ty, uz + tz
                     wx, wy, wz = into_link(r, wx, wy, wz)
                     ux, uy, uz = into_link(r, ux, uy, uz)
                 elif is_slide[j]:
@@ -145,7 +164,7 @@ def _regressor(
                 motions[i, 0], motions[i, 1], motions[i, 2] = wx, wy, wz
                 motions[i, 3], motions[i, 4], motions[i, 5] = ux, uy, uz
                 cx, cy, cz = cross(wx, wy, wz, ox, oy, oz)
-                row = rows[i]
+                row = rows[paths[j, i]]
                 row[slot[0]] = wx * lx + cx * ox
                 row[slot[1]] = wx * ly + wy * lx + cx * oy + cy * ox
                 row[slot[2]] = wx * lz + wz * lx + cx * oz + cz * ox
@@ -156,6 +175,8 @@ def _regressor(
                 row[slot[7]] = ux * bxy + uy * byy + uz * bzy + az * wx - ax * wz
                 row[slot[8]] = ux * bxz + uy * byz + uz * bzz + ax * wy - ay * wx
                 row[slot[9]] = ux * ax + uy * ay + uz * az
+            if is_left[j]:
+                motions_of[j] = motions
             row = rows[j]
             row[slot[10]] = acc
             row[slot[11]] = v

@@ -1,7 +1,7 @@
 """Exact gradient of any function of the regressor with respect to the motion (reverse mode).
 
 Given the seeds G = dL/dY, the derivatives dL/dq, dL/ddq and dL/d(ddq) follow in one sweep out along
-the chain and one back, at about the cost of the regressor itself however many joints there are
+the branches and one back, at about the cost of the regressor itself however many joints there are
 (Griewank & Walther, "Evaluating Derivatives", 2008, ch. 3).
 
 With the notation of regressor.py, and for the pair (joint i, link j) the symmetric 3 x 3 matrix S of
@@ -17,7 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .chain import Chain
-from .kinematics import cross, into_link, into_parent, kernel, link_rotation, origin_acceleration
+from .kinematics import (
+    branching,
+    cross,
+    into_link,
+    into_parent,
+    kernel,
+    link_rotation,
+    moving,
+    origin_acceleration,
+)
 from .parameters import PER_JOINT
 from .regressor import column_slots, in_blocks
 
@@ -45,7 +54,7 @@ def regressor_adjoint(
     q, dq, ddq, seeds = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq, seeds))
     slots, _ = column_slots(chain.joints, columns)
     bars = np.empty((3, *q.shape))
-    arguments = (chain.is_slide, chain.rotation, chain.translation, chain.gravity, slots, coulomb_velocity)
+    arguments = (*chain.arrays[:-1], slots, coulomb_velocity)
 
     def fill(start: int, stop: int) -> None:
         part = slice(start, stop)
@@ -57,6 +66,7 @@ def regressor_adjoint(
 
 @kernel
 def _regressor_adjoint(
+    parent: NDArray[np.int64],
     is_slide: NDArray[np.bool_],
     rotation: Array,
     translation: Array,
@@ -75,7 +85,10 @@ def _regressor_adjoint(
     links = np.empty((n + 1, 9))
     motions = np.empty((n, n, 6))
     motion_bars = np.empty((n, 6))
+    # What branches have carried back to the links that they leave.
+    link_waits, motion_waits = np.empty((n, 9)), np.empty((n, n, 6))
     active = np.empty(n, dtype=np.bool_)
+    moves, is_left = moving(parent), branching(parent)
     # One place more than columns, zero: the seed of every column that was not asked for.
     rows = np.zeros((n, seeds.shape[2] + 1))
     for t in range(q.shape[0]):
@@ -83,6 +96,7 @@ def _regressor_adjoint(
         if not _load_rows(seeds[t], rows, active):
             continue
         _outward(
+            parent,
             is_slide,
             rotation,
             translation,
@@ -90,21 +104,31 @@ def _regressor_adjoint(
             q[t],
             dq[t],
             ddq[t],
+            moves,
             active,
             rotations,
             origins,
             links,
             motions,
         )
+        for j in range(n):
+            if is_left[j]:
+                link_waits[j], motion_waits[j] = 0.0, 0.0
         motion_bars[:] = 0.0
         obx = oby = obz = lbx = lby = lbz = abx = aby = abz = 0.0
         for j in range(n - 1, -1, -1):
+            before = parent[j]
+            if is_left[j]:
+                obx, oby, obz = obx + link_waits[j, 0], oby + link_waits[j, 1], obz + link_waits[j, 2]
+                lbx, lby, lbz = lbx + link_waits[j, 3], lby + link_waits[j, 4], lbz + link_waits[j, 5]
+                abx, aby, abz = abx + link_waits[j, 6], aby + link_waits[j, 7], abz + link_waits[j, 8]
+                motion_bars += motion_waits[j]
             ox, oy, oz = links[j + 1, 0], links[j + 1, 1], links[j + 1, 2]
             lx, ly, lz = links[j + 1, 3], links[j + 1, 4], links[j + 1, 5]
             ax, ay, az = links[j + 1, 6], links[j + 1, 7], links[j + 1, 8]
             first = PER_JOINT * j
             for i in range(j + 1):
-                if not active[i]:
+                if not (moves[j, i] and active[i]):
                     continue
                 wx, wy, wz = motions[j, i, 0], motions[j, i, 1], motions[j, i, 2]
                 ux, uy, uz = motions[j, i, 3], motions[j, i, 4], motions[j, i, 5]
@@ -171,13 +195,13 @@ def _regressor_adjoint(
                 q_bar += obx * oy - oby * ox + abx * ay - aby * ax
                 q_bar += lbx * (ly + v * ox) - lby * (lx - v * oy)
                 for i in range(j):
-                    if active[i]:
+                    if moves[j, i] and active[i]:
                         q_bar += motion_bars[i, 0] * motions[j, i, 1] - motion_bars[i, 1] * motions[j, i, 0]
                         q_bar += motion_bars[i, 3] * motions[j, i, 4] - motion_bars[i, 4] * motions[j, i, 3]
             r = rotations[j]
             px, py, pz = origins[j, 0], origins[j, 1], origins[j, 2]
-            ox, oy, oz = links[j, 0], links[j, 1], links[j, 2]
-            lx, ly, lz = links[j, 3], links[j, 4], links[j, 5]
+            ox, oy, oz = links[before + 1, 0], links[before + 1, 1], links[before + 1, 2]
+            lx, ly, lz = links[before + 1, 3], links[before + 1, 4], links[before + 1, 5]
             obx, oby, obz = into_parent(r, obx, oby, obz)
             lbx, lby, lbz = into_parent(r, lbx, lby, lbz)
             abx, aby, abz = into_parent(r, abx, aby, abz)
@@ -193,11 +217,11 @@ def _regressor_adjoint(
             s2x, s2y, s2z = cross(sbx, sby, sbz, ox, oy, oz)
             pbx, pby, pbz = s1x + s2x, s1y + s2y, s1z + s2z
             for i in range(j):
-                if not active[i]:
+                if not (moves[j, i] and active[i]):
                     continue
                 wbx, wby, wbz = into_parent(r, motion_bars[i, 0], motion_bars[i, 1], motion_bars[i, 2])
                 ubx, uby, ubz = into_parent(r, motion_bars[i, 3], motion_bars[i, 4], motion_bars[i, 5])
-                wx, wy, wz = motions[j - 1, i, 0], motions[j - 1, i, 1], motions[j - 1, i, 2]
+                wx, wy, wz = motions[before, i, 0], motions[before, i, 1], motions[before, i, 2]
                 s1x, s1y, s1z = cross(px, py, pz, ubx, uby, ubz)
                 s2x, s2y, s2z = cross(ubx, uby, ubz, wx, wy, wz)
                 motion_bars[i, 0], motion_bars[i, 1], motion_bars[i, 2] = wbx + s1x, wby + s1y, wbz + s1z
@@ -206,10 +230,21 @@ def _regressor_adjoint(
             if is_slide[j]:
                 q_bar += pbx * rotation[j, 0, 2] + pby * rotation[j, 1, 2] + pbz * rotation[j, 2, 2]
             bars[0, t, j], bars[1, t, j], bars[2, t, j] = q_bar, dq_bar, ddq_bar
+            if before == j - 1:
+                continue
+            if before >= 0:
+                for k, bar in enumerate((obx, oby, obz, lbx, lby, lbz, abx, aby, abz)):
+                    link_waits[before, k] += bar
+                for i in range(before + 1):
+                    for k in range(6):
+                        motion_waits[before, i, k] += motion_bars[i, k]
+            motion_bars[:] = 0.0
+            obx = oby = obz = lbx = lby = lbz = abx = aby = abz = 0.0
 
 
 @kernel
 def _outward(
+    parent: NDArray[np.int64],
     is_slide: NDArray[np.bool_],
     rotation: Array,
     translation: Array,
@@ -217,6 +252,7 @@ def _outward(
     q: Array,
     dq: Array,
     ddq: Array,
+    moves: NDArray[np.bool_],
     active: NDArray[np.bool_],
     rotations: Array,
     origins: Array,
@@ -238,19 +274,20 @@ def _outward(
         else:
             link_rotation(rotation[j], np.cos(q[j]), np.sin(q[j]), r)
         origins[j, 0], origins[j, 1], origins[j, 2] = px, py, pz
-        ox, oy, oz = links[j, 0], links[j, 1], links[j, 2]
-        lx, ly, lz = links[j, 3], links[j, 4], links[j, 5]
-        ax, ay, az = origin_acceleration(
-            links[j, 6], links[j, 7], links[j, 8], lx, ly, lz, ox, oy, oz, px, py, pz
-        )
+        before = parent[j]
+        ox, oy, oz = links[before + 1, 0], links[before + 1, 1], links[before + 1, 2]
+        lx, ly, lz = links[before + 1, 3], links[before + 1, 4], links[before + 1, 5]
+        ax, ay, az = links[before + 1, 6], links[before + 1, 7], links[before + 1, 8]
+        ax, ay, az = origin_acceleration(ax, ay, az, lx, ly, lz, ox, oy, oz, px, py, pz)
         ax, ay, az = into_link(r, ax, ay, az)
         ox, oy, oz = into_link(r, ox, oy, oz)
         lx, ly, lz = into_link(r, lx, ly, lz)
         for i in range(j):
-            if active[i]:
-                wx, wy, wz = motions[j - 1, i, 0], motions[j - 1, i, 1], motions[j - 1, i, 2]
+            if moves[j, i] and active[i]:
+                wx, wy, wz = motions[before, i, 0], motions[before, i, 1], motions[before, i, 2]
                 tx, ty, tz = cross(wx, wy, wz, px, py, pz)
-                ux, uy, uz = motions[j - 1, i, 3] + tx, motions[j - 1, i, 4] + ty, motions[j - 1, i, 5] + tz
+                ux, uy, uz = motions[before, i, 3], motions[before, i, 4], motions[before, i, 5]
+                ux, uy, uz = ux + tx, uy + ty, uz + tz
                 motions[j, i, 0], motions[j, i, 1], motions[j, i, 2] = into_link(r, wx, wy, wz)
                 motions[j, i, 3], motions[j, i, 4], motions[j, i, 5] = into_link(r, ux, uy, uz)
         motions[j, j, :] = 0.0

@@ -17,6 +17,7 @@ def random_chain(slides: str, seed: int) -> Chain:
     rng = np.random.default_rng(seed)
     return Chain(
         joint_names=tuple(f"joint_{j}" for j in range(len(slides))),
+        parent=np.arange(len(slides)) - 1,
         is_slide=np.array([kind == "s" for kind in slides]),
         rotation=Rotation.random(len(slides), rng).as_matrix(),
         translation=rng.normal(size=(len(slides), 3)),
