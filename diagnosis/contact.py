@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.chain import Chain
 from testbench.effects.external_contact import pushes, windows, withstood
 from testbench.effects.logged import Logged
 
@@ -119,7 +120,9 @@ def _likeliest(
     last = together[-1]
     blocks = set().union(*(bursts[j] for j in pushed))
     events = [_with_bursts(stage, index, windows(run, pushed), blocks) for index, run in enumerate(logged)]
-    links = [*together, *range(last + 1, min(last + LINKS, stage.prepared.joints))]
+    chain = stage.prepared.robot.chain
+    further = [link for link in range(last + 1, chain.joints) if 0 < _beyond(chain, last, link) < LINKS]
+    links = [*together, *further]
     # A link at a time: all columns of all of them together would fill a memory.
     gains = [
         gain
@@ -138,11 +141,17 @@ def _likeliest(
     best = max((push.score for push in likeliest.values()), default=0.0)
     if best < SMALLEST_GAIN:
         return None
-    before = [NO_ARM ** len(set(range(link + 1)).difference(together)) for link in likeliest]
+    before = [NO_ARM ** len(set(chain.path(link)).difference(together)) for link in likeliest]
     probability = odds([push.of_link for push in likeliest.values()], best, before)
     ordered = sorted(zip(probability.tolist(), likeliest.values(), strict=True), key=lambda each: -each[0])
     _, first = ordered[0]
     return first.weighed, tuple((push.weighed, share) for share, push in ordered[1:]), first.trial
+
+
+def _beyond(chain: Chain, link: int, further: int) -> int:
+    """How many joints lie between a link and one further out on its branch; 0 on another branch."""
+    path = chain.path(further)
+    return len(path) - 1 - path.index(link) if link in path else 0
 
 
 def is_in_bursts_at_several(stage: Stage) -> bool:

@@ -80,8 +80,8 @@ def _columns(run: Logged, joint: int, regime: str, runs: Sequence[Logged]) -> Ar
         spans = _bumps(run.time - run.time[0], [r.time - r.time[0] for r in runs], SPANS)
         return np.column_stack([spans, spans * np.sign(v)[:, None], spans[:, 1:] * s[:, None]])
     found = []
-    for k in (joint - 1, joint + 1):
-        if 0 <= k < run.joints:
+    for k in (int(run.chain.parent[joint]), *run.chain.children(joint)):
+        if k >= 0:
             w = run.dq[:, k] / _largest(r.dq[:, k] for r in runs)
             found += [w, np.sign(w), w * np.abs(w), w**2, np.sign(v) * np.abs(w)]
             found += [s * w, s**2 * w, s * w**2]

@@ -13,6 +13,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from identification.chain import Chain
 from identification.errors import InputError
 from identification.kinematics import cross, kernel
 from identification.regressor import in_blocks
@@ -44,11 +45,12 @@ _geom_distance = types.ExternalFunction(
 class RobotClearance:
     """Distances of a robot's P geom pairs; implements ``identification.excitation.limits.Clearance``.
 
-    is_slide: (n,). required: m. pairs: P names. geoms: (P, 2) geom indices. links: (P, 2) the joint
+    parent, is_slide: (n,). required: m. pairs: P names. geoms: (P, 2) geom indices. links: (P, 2) the joint
     whose link carries each geom, -1 for the world.
     """
 
     model: mujoco.MjModel
+    parent: Indices
     is_slide: NDArray[np.bool_]
     required: float
     pairs: tuple[str, ...]
@@ -74,7 +76,7 @@ class RobotClearance:
             part, data = slice(start, stop), self._take_data()
             views = (data.qpos, data.geom_xpos, data.xanchor, data.xaxis)
             addresses = (self.model._address, data._address)
-            constants = (self.model.geom_rbound, self.is_slide, self.geoms, self.links, reach)
+            constants = (self.model.geom_rbound, self.parent, self.is_slide, self.geoms, self.links, reach)
             _measure(*addresses, *views, *constants, q[part], distances[part], gradients[part])
             self._idle.append(data)
 
@@ -103,7 +105,7 @@ def robot_clearance(robot: Robot, required: float) -> RobotClearance | None:
     found = {(int(a), int(b)) for a, b in zip(model.pair_geom1, model.pair_geom2, strict=True)}
     for a in range(model.ngeom):
         for b in range(a + 1, model.ngeom):
-            if _collide(model, a, b) and abs(carriers[a] - carriers[b]) > 1:
+            if _collide(model, a, b) and not _neighbours(robot.chain, carriers[a], carriers[b]):
                 found.add((a, b))
     # Geoms that do not move against each other keep their distance, whatever the motion.
     ordered = sorted(pair for pair in found if carriers[pair[0]] != carriers[pair[1]])
@@ -112,6 +114,7 @@ def robot_clearance(robot: Robot, required: float) -> RobotClearance | None:
     geoms = np.array(ordered, dtype=np.int64)
     return RobotClearance(
         model=model,
+        parent=robot.chain.parent,
         is_slide=robot.chain.is_slide,
         required=float(required),
         pairs=tuple(f"{_geom_name(model, a)} and {_geom_name(model, b)}" for a, b in ordered),
@@ -128,6 +131,12 @@ def _carriers(model: mujoco.MjModel) -> Indices:
         own = int(model.body_jntadr[body]) + count - 1
         joint[body] = own if count else joint[model.body_parentid[body]]
     return joint[model.geom_bodyid]
+
+
+def _neighbours(chain: Chain, link: int, other: int) -> bool:
+    """Whether two links (-1: the base) are one, or one carries the other."""
+    first, second = sorted((link, other))
+    return first == second or bool(chain.parent[second] == first)
 
 
 def _collide(model: mujoco.MjModel, a: int, b: int) -> bool:
@@ -152,6 +161,7 @@ def _measure(
     anchors: Array,
     axes: Array,
     radii: Array,
+    parent: Indices,
     is_slide: NDArray[np.bool_],
     geoms: Indices,
     links: Indices,
@@ -191,7 +201,8 @@ def _measure(
                 nx = factor * (witness[3] - witness[0])
                 ny = factor * (witness[4] - witness[1])
                 nz = factor * (witness[5] - witness[2])
-                for j in range(links[p, side] + 1):
+                j = links[p, side]
+                while j >= 0:
                     vx, vy, vz = axes[j, 0], axes[j, 1], axes[j, 2]
                     if not is_slide[j]:
                         rx = witness[3 * side] - anchors[j, 0]
@@ -199,3 +210,4 @@ def _measure(
                         rz = witness[3 * side + 2] - anchors[j, 2]
                         vx, vy, vz = cross(vx, vy, vz, rx, ry, rz)
                     gradients[t, p, j] += nx * vx + ny * vy + nz * vz
+                    j = parent[j]

@@ -73,11 +73,13 @@ def body_poses(model: Any, q: Array) -> tuple[Array, Array, Array]:
 
 
 def reach(model: Any) -> float:
-    """Length of the stretched arm, m: the sum of the distances between bodies, and the last one's tool."""
-    length = float(np.linalg.norm(model.body_pos[1:], axis=1).sum())
+    """Length of the longest stretched branch, m: the distances between its bodies, and to the last site."""
+    length = np.zeros(model.nbody)
+    for body in range(1, model.nbody):
+        length[body] = length[model.body_parentid[body]] + np.linalg.norm(model.body_pos[body])
     if model.nsite:
-        length += float(np.linalg.norm(model.site_pos[-1]))
-    return max(length, 0.1)
+        length[model.site_bodyid[-1]] += np.linalg.norm(model.site_pos[-1])
+    return max(float(length.max()), 0.1)
 
 
 def body_path(root: str, model: Any, body: int) -> str:

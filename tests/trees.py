@@ -89,3 +89,47 @@ def _inertial(rng: np.random.Generator) -> str:
 
 def _text(values: np.ndarray) -> str:
     return " ".join(repr(float(value)) for value in values)
+
+
+def _limb(side: str, place: str, mirror: int) -> str:
+    """Three joints: a hip or shoulder about x, then two about y."""
+    rotor = 'armature=".05" damping="1" frictionloss="1.5" actuatorfrcrange="-60 60"'
+    return f"""
+<body name="{side}_1" pos="{place}">
+  <joint name="{side}_roll" axis="1 0 0" range="-1 1" {rotor}/>
+  <inertial pos=".02 {mirror * 0.03} -.01" mass="2" fullinertia=".01 .012 .014 .001 .0005 -.0004"/>
+  <body name="{side}_2" pos="0 {mirror * 0.1} 0">
+    <joint name="{side}_pitch" axis="0 1 0" range="-1.2 1.2" {rotor}/>
+    <inertial pos=".01 .02 -.15" mass="2.5" fullinertia=".03 .028 .012 .0005 .001 .0008"/>
+    <body name="{side}_3" pos="0 0 -.35">
+      <joint name="{side}_knee" axis="0 1 0" range="-1.2 1.2" {rotor}/>
+      <inertial pos=".03 .01 -.12" mass="1.2" fullinertia=".012 .013 .004 .0003 .0006 .0002"/>
+    </body>
+  </body>
+</body>"""
+
+
+def _held(name: str, limbs: str, joints: int) -> str:
+    speeds, accelerations = " ".join(["4"] * joints), " ".join(["40"] * joints)
+    return f"""
+<mujoco model="{name}">
+  <compiler angle="radian"/>
+  <custom>
+    <numeric name="velocity_limit" data="{speeds}"/>
+    <numeric name="acceleration_limit" data="{accelerations}"/>
+  </custom>
+  <worldbody><body name="trunk" pos="0 0 1">{limbs}</body></worldbody>
+</mujoco>
+"""
+
+
+DUAL_ARM = _held("dual_arm", _limb("left", "0 .3 0", 1) + _limb("right", "0 -.3 0", -1), 6)
+FOUR_LEGS = _held(
+    "four_legs",
+    "".join(
+        _limb(f"{end}_{side}", f"{x} {0.15 * way} 0", way)
+        for end, x in (("front", 0.3), ("rear", -0.3))
+        for side, way in (("left", 1), ("right", -1))
+    ),
+    12,
+)

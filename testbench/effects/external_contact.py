@@ -119,7 +119,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     No window, no member.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    return pushes(runs, joint, [windows(run, range(joint + 1)) for run in runs])
+    return pushes(runs, joint, [windows(run, runs[0].chain.path(joint)) for run in runs])
 
 
 def pushes(runs: Sequence[Logged], joint: int, when: Sequence[list[tuple[int, int]]]) -> Family:
@@ -160,7 +160,7 @@ def recurring_push(runs: Sequence[Logged], joint: int, shape: Mapping[str, float
             found[-1] = (Window(part.start, 0, -push_torques_of(run, joint, part, kind, stretch)),)
     columns = WindowedColumns(tuple(found), tuple(run.samples for run in runs), (rows, count))
     unbounded = np.full(count, np.inf)
-    return Member(dict(shape), _rows(joint, kind), columns, -unbounded, unbounded)
+    return Member(dict(shape), _rows(runs[0], joint, kind), columns, -unbounded, unbounded)
 
 
 def _member(
@@ -175,7 +175,7 @@ def _member(
 
     withstands: of ``withstood``.
     """
-    rows = _rows(joint, kind)
+    rows = _rows(runs[0], joint, kind)
     scale = withstands[list(rows)] / withstands.max()
     found, count = [], 0
     for run, own in zip(runs, when, strict=True):
@@ -199,8 +199,8 @@ def withstood(runs: Sequence[Logged]) -> Array:
     return np.maximum(known, max(SMALLEST * float(known.max()), np.finfo(float).tiny))
 
 
-def _rows(joint: int, kind: int) -> tuple[int, ...]:
-    return (joint,) if kind == JOINT_TORQUE else tuple(range(joint + 1))
+def _rows(run: Logged, joint: int, kind: int) -> tuple[int, ...]:
+    return (joint,) if kind == JOINT_TORQUE else tuple(run.chain.path(joint))
 
 
 def _parameters(

@@ -1,7 +1,7 @@
 """A force on a link, and the torques it loads the joints before with.
 
-Kernels take a table (n, 13) of the chain's joints: whether it slides, and its link's translation and
-rotation at q = 0.
+Kernels take a table (n, 14) of the robot's joints: whether it slides, its link's translation and rotation at
+q = 0, and its parent.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from identification.kinematics import cross, into_link, into_parent, kernel, lin
 Array = NDArray[np.float64]
 
 # Columns of the table of links.
-LINK = 13
+LINK, PARENT = 14, 13
 # Where a link ends, if nothing follows it, m.
 SHORTEST_ARM = 0.1
 # What of a load shows no more than this beside the rest is left out.
@@ -23,11 +23,12 @@ REDUNDANT = 1e-3
 def push_point(chain: Chain, joint: int) -> tuple[Array, Array]:
     """Where the link is pushed, (3,) m in its frame, and the direction (3,) of a positive torque.
 
-    It is where the next joint sits, or a tenth of a metre out; its distance from the axis is the lever.
+    It is where the next joint sits, the first of several, or a tenth of a metre out; its distance from the axis
+    is the lever.
     """
     end = np.zeros(3)
-    if joint + 1 < chain.joints:
-        end[:2] = chain.translation[joint + 1, :2]
+    for following in chain.children(joint)[:1]:
+        end[:2] = chain.translation[following, :2]
     if np.linalg.norm(end) < SHORTEST_ARM:
         end = np.array([SHORTEST_ARM, 0.0, 0.0])
     if chain.is_slide[joint]:
@@ -36,16 +37,20 @@ def push_point(chain: Chain, joint: int) -> tuple[Array, Array]:
 
 
 def link_table(chain: Chain) -> Array:
-    """(n, 13): whether a joint slides, and its link's translation and rotation at q = 0."""
+    """(n, 14): whether a joint slides, its link's translation and rotation at q = 0, its parent."""
     flat = chain.rotation.reshape(chain.joints, 9)
-    return np.ascontiguousarray(np.column_stack([chain.is_slide, chain.translation, flat]), dtype=np.float64)
+    columns = [chain.is_slide, chain.translation, flat, chain.parent]
+    return np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
 
 
 def wrench_torques(chain: Chain, q: Array, joint: int) -> Array:
-    """J' of unit forces and couples along a link's axes at its origin, q (M, n): (M, joint + 1, 6)."""
+    """J' of unit forces and couples along a link's axes at its origin, q (M, n): (M, r, 6).
+
+    r: the joints between the base and the link, ``chain.path(joint)``.
+    """
     out = np.empty((len(q), joint + 1, 6))
     _fill_wrench_torques(link_table(chain), q, joint, out)
-    return out
+    return out[:, chain.path(joint)]
 
 
 def base_in_link(chain: Chain, q: Array, joint: int) -> Array:
@@ -94,7 +99,9 @@ def load_joints(
 ) -> tuple[float, float, float]:
     """Write J' of a force and a couple at a link's origin, in its axes, to torque; returns F in base axes."""
     rotation = np.empty(9)
-    for i in range(joint, -1, -1):
+    torque[: joint + 1] = 0.0
+    i = joint
+    while i >= 0:
         slide = links[i, 0] == 1.0
         torque[i] = fz if slide else nz
         shift = turn_and_shift(links[i], q[i], rotation)
@@ -103,6 +110,7 @@ def load_joints(
         ox, oy, oz = links[i, 1] + shift * links[i, 6], links[i, 2] + shift * links[i, 9], links[i, 3]
         cx, cy, cz = cross(ox, oy, oz + shift * links[i, 12], fx, fy, fz)
         nx, ny, nz = nx + cx, ny + cy, nz + cz
+        i = int(links[i, PARENT])
     return fx, fy, fz
 
 
@@ -113,6 +121,11 @@ def force_in_link(
     """A force in base axes, in a link's."""
     rotation = np.empty(9)
     for i in range(joint + 1):
+        on_path = joint
+        while on_path > i:
+            on_path = int(links[on_path, PARENT])
+        if on_path < i:
+            continue
         turn_and_shift(links[i], q[i], rotation)
         fx, fy, fz = into_link(rotation, fx, fy, fz)
     return fx, fy, fz
@@ -123,7 +136,7 @@ def turn_and_shift(link: Array, q: float, rotation: Array) -> float:
     """Write the link's rotation in its parent (9,); returns how far it slides along its axis."""
     slide = link[0] == 1.0
     angle = 0.0 if slide else q
-    link_rotation(link[4:].reshape((3, 3)), np.cos(angle), np.sin(angle), rotation)
+    link_rotation(link[4:PARENT].reshape((3, 3)), np.cos(angle), np.sin(angle), rotation)
     return q if slide else 0.0
 
 

@@ -271,7 +271,8 @@ def body_in_link(robot: Robot, joint: int) -> tuple[Array, Array]:
     mujoco.mj_kinematics(robot.model, data)
     rotation, origin = np.eye(3), np.zeros(3)
     chain = robot.chain
-    for index, position in enumerate(data.qpos[: joint + 1]):
+    for index in chain.path(joint):
+        position = data.qpos[index]
         turn = 0.0 if chain.is_slide[index] else position
         shift = chain.rotation[index, :, 2] * (position if chain.is_slide[index] else 0.0)
         origin = origin + rotation @ (chain.translation[index] + shift)

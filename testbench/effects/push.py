@@ -138,7 +138,7 @@ def push_torques_of(run: Logged, joint: int, part: slice, kind: int, stretch: fl
 
 
 def _unit_torques(run: Logged, joint: int, part: slice, kind: int) -> Array:
-    """J' of unit forces and couples on the link, (M, joint + 1, 6 or 3); (M, 1, 1) of a joint torque."""
+    """J' of unit forces and couples on the link, (M, r, 6 or 3); (M, 1, 1) of a joint torque."""
     q = run.q[part]
     if kind == JOINT_TORQUE:
         return np.ones((len(q), 1, 1))
