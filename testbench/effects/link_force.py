@@ -23,8 +23,8 @@ REDUNDANT = 1e-3
 def push_point(chain: Chain, joint: int) -> tuple[Array, Array]:
     """Where the link is pushed, (3,) m in its frame, and the direction (3,) of a positive torque.
 
-    It is where the next joint sits, the first of several, or a tenth of a metre out; its distance from the axis
-    is the lever.
+    It is where the next joint sits, the first of several, or a tenth of a metre out; its distance from the
+    axis is the lever.
     """
     end = np.zeros(3)
     for following in chain.children(joint)[:1]:
