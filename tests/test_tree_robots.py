@@ -85,9 +85,9 @@ def test_four_legs_on_a_held_trunk_are_identified_to_the_noise(tmp_path: Path) -
 
 
 def _motion(robot: Robot, seed: int) -> Motion:
-    """Six seconds of sines with noise on the torque."""
+    """Twelve seconds of sines with noise on the torque."""
     rng = np.random.default_rng(seed)
-    time = np.arange(0, 6, 1 / RATE)
+    time = np.arange(0, 12, 1 / RATE)
     q, dq, ddq = np.zeros((3, len(time), robot.joints))
     for w in 2 * np.pi * np.array([0.23, 0.4, 0.7, 1.1, 1.7]):
         a, phase = rng.uniform(0.05, 0.2, robot.joints), rng.uniform(0, 2 * np.pi, robot.joints)
