@@ -9,7 +9,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from identification.errors import InputError
 from studies.plants import draw, plant, plants
-from studies.plants.drawing import LEAST, MOST, moved
+from studies.plants.drawing import LEAST, MOST, SHARES, kind_of, moved
 from testbench.log import Recording, read_log
 from testbench.robot import load_robot
 
@@ -89,7 +89,7 @@ def test_what_is_drawn_reads_as_any_log_and_model(name: str, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("name", plants())
 def test_a_fault_moves_the_torque_by_its_stated_share(name: str) -> None:
-    seed = next(seed for seed in range(60) if draw(name, seed).kind in ("single", "unknown"))
+    seed = next(seed for seed in range(60) if kind_of(name, seed) in ("single", "unknown"))
     sick, well = draw(name, seed), draw(name, seed, healthy=True)
     (fault,) = sick.faults
     assert not well.faults
@@ -101,11 +101,13 @@ def test_a_fault_moves_the_torque_by_its_stated_share(name: str) -> None:
 
 
 def test_kinds_are_drawn_in_their_shares() -> None:
-    kinds = [draw("palletizer", seed, healthy=False).kind for seed in range(24)]
-    assert 2 <= kinds.count("healthy") <= 12
-    assert 6 <= kinds.count("single") <= 18
-    pairs = [draw("palletizer", seed) for seed in range(24) if kinds[seed] == "pair"]
-    for case in pairs:
-        first, second = case.faults
-        assert first.effect != second.effect
-        assert not {first.joint, first.into} & {second.joint, second.into} - {None}
+    kinds = [kind_of("cobot", seed) for seed in range(800)]
+    for kind, share in SHARES.items():
+        assert kinds.count(kind) / len(kinds) == pytest.approx(share, abs=0.05)
+
+
+def test_a_pair_is_two_effects_at_different_joints() -> None:
+    seed = next(seed for seed in range(60) if kind_of("servo_arm", seed) == "pair")
+    first, second = draw("servo_arm", seed).faults
+    assert first.effect != second.effect
+    assert not {first.joint, first.into} & {second.joint, second.into} - {None}

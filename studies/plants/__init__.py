@@ -35,6 +35,8 @@ def draw(name: str, seed: int, healthy: bool = False) -> Case:
 
 @cache
 def _found() -> dict[str, Plant]:
-    modules = (importlib.import_module(f".{module.name}", __name__) for module in pkgutil.iter_modules(__path__))
+    modules = (
+        importlib.import_module(f".{module.name}", __name__) for module in pkgutil.iter_modules(__path__)
+    )
     found = [module.PLANT for module in modules if hasattr(module, "PLANT")]
     return {each.name: each for each in found}

@@ -99,7 +99,10 @@ class CobotPlant:
         table[:, DAMPING] = table[:, STIFFNESS] * rng.uniform(2e-4, 5e-4, 6)
         table[:, EXTRA], table[:, VELOCITY] = coulomb * rng.uniform(0.02, 0.12, 6), rng.uniform(0.03, 0.2, 6)
         table[:, BRISTLE] = coulomb * rng.uniform(2500, 7000, 6)
-        table[:, OFFSET], table[:, DIFFERENCE] = coulomb * rng.normal(0, 0.03, 6), viscous * rng.normal(0, 0.03, 6)
+        table[:, OFFSET], table[:, DIFFERENCE] = (
+            coulomb * rng.normal(0, 0.03, 6),
+            viscous * rng.normal(0, 0.03, 6),
+        )
         table[:, LOAD] = rng.uniform(0.004, 0.02, 6)
         # A harmonic drive's wave generator turns twice past each tooth.
         table[:, RIPPLE], table[:, CYCLES] = coulomb * rng.uniform(0.01, 0.07, 6), 2 * rng.integers(50, 81, 6)
@@ -203,7 +206,9 @@ class CobotPlant:
         quantum = 0.0 if rng is None else 2 * np.pi / 2.0**19
         n = robot.sheet.joints
         stiff = BAND**2 * (robot.table[:, ROTOR] + robot.table[:, STIFFNESS] / 60000)
-        position, torque = _run(*robot.links.body, robot.table, robot.sheet.torque, *motion[:2], planned, stiff, quantum)
+        position, torque = _run(
+            *robot.links.body, robot.table, robot.sheet.torque, *motion[:2], planned, stiff, quantum
+        )
         position, torque = position[::LOGGED], torque[::LOGGED]
         if rng is not None:
             torque = torque + robot.noise * robot.sheet.torque * rng.standard_normal((len(torque), n))
@@ -263,7 +268,19 @@ def _run(
         for inner in range(STEPS):
             if inner % 2 == 0:
                 dynamics(
-                    place, axis, slide, mass, centre, inertia, armature, gravity, link, rate, matrix, bias, work
+                    place,
+                    axis,
+                    slide,
+                    mass,
+                    centre,
+                    inertia,
+                    armature,
+                    gravity,
+                    link,
+                    rate,
+                    matrix,
+                    bias,
+                    work,
                 )
             time = step * h
             for j in range(n):
@@ -271,21 +288,33 @@ def _run(
                 kept[step % LATEST, j] = command[j]
                 whole = int(row[DELAY] / h)
                 part = row[DELAY] / h - whole
-                given = (1 - part) * kept[(step - whole) % LATEST, j] + part * kept[(step - whole - 1) % LATEST, j]
+                given = (1 - part) * kept[(step - whole) % LATEST, j] + part * kept[
+                    (step - whole - 1) % LATEST, j
+                ]
                 current[j] += (given - current[j]) * (1.0 if row[LAG] < h else h / (row[LAG] + h))
                 wind = motor[j] - link[j]
                 loose = max(abs(wind) - row[GAP] / 2, 0.0) * np.sign(wind)
-                carried = row[STIFFNESS] * loose + (row[DAMPING] * (spin[j] - rate[j]) if loose != 0.0 else 0.0)
+                carried = row[STIFFNESS] * loose + (
+                    row[DAMPING] * (spin[j] - rate[j]) if loose != 0.0 else 0.0
+                )
                 if carried * loose < 0.0:
                     carried = 0.0
-                level = row[FC] + row[LOAD] * abs(carried) + row[EXTRA] * np.exp(-((spin[j] / row[VELOCITY]) ** 2))
+                level = (
+                    row[FC]
+                    + row[LOAD] * abs(carried)
+                    + row[EXTRA] * np.exp(-((spin[j] / row[VELOCITY]) ** 2))
+                )
                 if row[BRISTLE] > 0.0:
                     settled = level / row[BRISTLE] * np.sign(spin[j])
                     bend[j] += (settled - bend[j]) * (1.0 - np.exp(-row[BRISTLE] * abs(spin[j]) * h / level))
-                friction = row[BRISTLE] * bend[j] + row[FV] * spin[j] + row[OFFSET] + row[DIFFERENCE] * abs(spin[j])
+                friction = (
+                    row[BRISTLE] * bend[j] + row[FV] * spin[j] + row[OFFSET] + row[DIFFERENCE] * abs(spin[j])
+                )
                 others = row[RIPPLE] * np.sin(row[CYCLES] * motor[j] + row[PHASE])
                 others += row[SHAKE] * np.sin(2 * np.pi * row[SHAKE_RATE] * time)
-                push = -row[CABLE] * (link[j] - row[REST]) - row[STOP] * max(link[j] - row[STOP_AT], 0.0) ** 1.5
+                push = (
+                    -row[CABLE] * (link[j] - row[REST]) - row[STOP] * max(link[j] - row[STOP_AT], 0.0) ** 1.5
+                )
                 if row[PUSH_LENGTH] > 0.0 and 0.0 < time - row[PUSH_START] < row[PUSH_LENGTH]:
                     push += row[PUSH] * np.sin(np.pi * (time - row[PUSH_START]) / row[PUSH_LENGTH]) ** 2
                 net[j] = carried + push - bias[j]

@@ -83,22 +83,41 @@ class Plant(Protocol):
 
 def drawn(plant: Plant, seed: int, healthy: bool = False) -> Case:
     """The robot of this seed. healthy: the same without its faults, which the answer then lacks."""
-    # hash() of a name differs between processes.
-    streams = np.random.SeedSequence([seed, *plant.name.encode()]).spawn(6)
-    building, choosing, figures, moving, noise, modelling = map(np.random.default_rng, streams)
+    building, choosing, figures, moving, noise, modelling = _streams(plant.name, seed)
     robot = plant.robot(building)
-    kind: Kind = choosing.choice(list(SHARES), p=list(SHARES.values()))
+    kind = kind_of(plant.name, seed)
     count = int(choosing.integers(2, 5))
     motions = [plant.motion(robot, moving) for _ in range(count)]
     sick, faults = _with_faults(plant, robot, kind, motions[0], choosing, figures)
     driven = robot if healthy else sick
-    runs = tuple(plant.run(driven, motion, each) for motion, each in zip(motions, noise.spawn(count), strict=True))
+    runs = tuple(
+        plant.run(driven, motion, each) for motion, each in zip(motions, noise.spawn(count), strict=True)
+    )
     model = plant.links(robot).from_cad(modelling).mjcf(plant.name)
     return Case(plant.name, seed, "healthy" if healthy else kind, model, runs, () if healthy else faults)
 
 
+def kind_of(name: str, seed: int) -> Kind:
+    """Of the robot of a plant and seed."""
+    kinds = list(SHARES)
+    *_, choosing = _streams(name, seed, 7)
+    return kinds[choosing.choice(len(kinds), p=list(SHARES.values()))]
+
+
+def _streams(name: str, seed: int, count: int = 6) -> list[np.random.Generator]:
+    """Independent generators, one for each thing that is drawn. (hash() of a name differs between processes.)"""
+    return [
+        np.random.default_rng(each) for each in np.random.SeedSequence([seed, *name.encode()]).spawn(count)
+    ]
+
+
 def _with_faults(
-    plant: Plant, robot: Any, kind: Kind, motion: Motion, choosing: np.random.Generator, figures: np.random.Generator
+    plant: Plant,
+    robot: Any,
+    kind: Kind,
+    motion: Motion,
+    choosing: np.random.Generator,
+    figures: np.random.Generator,
 ) -> tuple[Any, tuple[Fault, ...]]:
     """The robot with the faults of its kind, and what they are."""
     count = {"healthy": 0, "pair": 2}.get(kind, 1)

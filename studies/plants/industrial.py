@@ -150,7 +150,10 @@ class IndustrialPlant:
         places += [Place(effect) for effect in ("payload", "base_tilt", "torque_delay")]
         return (
             *places,
-            *(Place(UNKNOWN, joint, None, "friction that another joint's pose changes") for joint in (1, 2, 4)),
+            *(
+                Place(UNKNOWN, joint, None, "friction that another joint's pose changes")
+                for joint in (1, 2, 4)
+            ),
             *(Place(UNKNOWN, joint, None, "torque that creeps with time") for joint in range(6)),
         )
 
@@ -301,7 +304,12 @@ def _run(
                 level += row[EXTRA] * np.exp(-((fast / row[VELOCITY]) ** row[EXPONENT]))
                 level += row[DRAG] * (1.0 + np.sin(2.0 * q[(j + 1) % n]))
                 viscous = row[FV] * (1.0 - row[DROP] * warm[j])
-                smooth = viscous * v[j] + row[OFFSET] + row[DIFFERENCE] * fast + row[BEND] * fast ** row[POWER] * way
+                smooth = (
+                    viscous * v[j]
+                    + row[OFFSET]
+                    + row[DIFFERENCE] * fast
+                    + row[BEND] * fast ** row[POWER] * way
+                )
                 power = (level + viscous * fast) * fast
                 warm[j] += h * (power / row[FRICTION_POWER] - warm[j]) / row[WARMING]
                 others = row[RIPPLE] * np.sin(row[CYCLES] * q[j] + row[PHASE])

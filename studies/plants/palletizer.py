@@ -145,8 +145,12 @@ class PalletizerPlant:
         places = [Place(effect, joint) for effect in of_joints for joint in range(5)]
         places += [Place("gravity_spring", 1), Place("gravity_spring", 2), Place("joint_coupling", 3, 4)]
         places += [Place(effect) for effect in ("payload", "base_tilt", "torque_delay")]
-        turned = [Place(UNKNOWN, joint, None, "a torque constant that the angle changes") for joint in range(5)]
-        rested = [Place(UNKNOWN, joint, None, "friction that grows after each reversal") for joint in range(5)]
+        turned = [
+            Place(UNKNOWN, joint, None, "a torque constant that the angle changes") for joint in range(5)
+        ]
+        rested = [
+            Place(UNKNOWN, joint, None, "friction that grows after each reversal") for joint in range(5)
+        ]
         return (*places, *turned, *rested)
 
     def faulty(self, robot: Palletizer, place: Place, size: float, rng: np.random.Generator) -> Palletizer:
@@ -239,12 +243,17 @@ class PalletizerPlant:
         dwind = np.gradient(wind, 1 / rate, axis=0)
         motor, spin, jerk = q + wind, dq + dwind, ddq + np.gradient(dwind, 1 / rate, axis=0)
         torque = np.column_stack(
-            [_drive(each, motor[:, j], spin[:, j], jerk[:, j], carried[:, j], rate) for j, each in enumerate(joints)]
+            [
+                _drive(each, motor[:, j], spin[:, j], jerk[:, j], carried[:, j], rate)
+                for j, each in enumerate(joints)
+            ]
         )
         for first, second, viscous, coulomb in robot.pairs:
             both = spin[:, first] + spin[:, second]
             torque[:, [first, second]] += (viscous * both + coulomb * np.tanh(both / SMOOTH))[:, None]
-        torque = np.column_stack([_reported(each, motor[:, j], torque[:, j], rate) for j, each in enumerate(joints)])
+        torque = np.column_stack(
+            [_reported(each, motor[:, j], torque[:, j], rate) for j, each in enumerate(joints)]
+        )
         if robot.delay > 0:
             torque = np.column_stack([np.interp(time + robot.delay, time, column) for column in torque.T])
         seen = motor + zero + eccentric * np.sin(motor + zero + phase)

@@ -85,7 +85,9 @@ class RedundantPlant:
             gains=np.array([band**2 * inertia, 2 * band * inertia]),
             offset=coulomb * rng.normal(0, 0.04, 7),
             difference=links.viscous * rng.normal(0, 0.04, 7),
-            ripple=np.array([coulomb * rng.uniform(0.01, 0.06, 7), rng.integers(3, 50, 7), rng.uniform(0, 6.28, 7)]),
+            ripple=np.array(
+                [coulomb * rng.uniform(0.01, 0.06, 7), rng.integers(3, 50, 7), rng.uniform(0, 6.28, 7)]
+            ),
             gain=rng.normal(0, 0.005, 7),
             zero=none,
             lag=none,
@@ -145,7 +147,9 @@ class RedundantPlant:
         match place.effect:
             case "asymmetric_friction":
                 difference = raised(robot.difference, rng.choice([-1, 1]) * 0.2 * fv * size)
-                return replace(robot, offset=raised(robot.offset, sign * 0.3 * fc * size), difference=difference)
+                return replace(
+                    robot, offset=raised(robot.offset, sign * 0.3 * fc * size), difference=difference
+                )
             case "nonlinear_viscous_friction":
                 return replace(robot, bend=raised(robot.bend, 0.5 * fv * size))
             case "transmission_ripple":
@@ -257,7 +261,9 @@ def _mjcf(robot: Redundant) -> str:
             f'<joint joint="{b}" coef="1"/></fixed>'
         )
     names = robot.links.names
-    sensors = [f'<jointpos joint="{name}"/>' for name in names] + [f'<jointvel joint="{name}"/>' for name in names]
+    sensors = [f'<jointpos joint="{name}"/>' for name in names] + [
+        f'<jointvel joint="{name}"/>' for name in names
+    ]
     # What clips is the drive, not the data sheet.
     for name, *_, limit, _ in actuators:
         text = re.sub(rf'(name="{name}"[^>]*actuatorfrcrange=")[^"]*', rf"\g<1>{-limit} {limit}", text)

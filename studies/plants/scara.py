@@ -112,14 +112,22 @@ class ScaraPlant:
         figures = np.array([l1, c1, l2, c2, m1, m2, m3 + m4, i1, i2, i4 + m3 * 0.02**2, i4, *rotor])
         table = np.zeros((4, COLUMNS))
         table[:, FV], table[:, FC] = viscous, coulomb
-        table[:, EXTRA], table[:, VELOCITY] = coulomb * rng.uniform(0.02, 0.1, 4), 0.03 * speed * rng.uniform(0.4, 1, 4)
-        table[:, OFFSET], table[:, DIFFERENCE] = coulomb * rng.normal(0, 0.03, 4), viscous * rng.normal(0, 0.03, 4)
+        table[:, EXTRA], table[:, VELOCITY] = (
+            coulomb * rng.uniform(0.02, 0.1, 4),
+            0.03 * speed * rng.uniform(0.4, 1, 4),
+        )
+        table[:, OFFSET], table[:, DIFFERENCE] = (
+            coulomb * rng.normal(0, 0.03, 4),
+            viscous * rng.normal(0, 0.03, 4),
+        )
         table[:, RIPPLE], table[:, PHASE] = coulomb * rng.uniform(0.01, 0.05, 4), rng.uniform(0, 6.28, 4)
         # The quill's ripple is that of its screw.
         table[:, CYCLES] = np.where(sheet.slide, 2 * np.pi / 0.02, rng.integers(4, 50, 4))
         table[:, GAIN], table[:, LIMIT] = rng.normal(0, 0.004, 4), 1e9
         table[:, WARMING] = table[:, FRICTION_POWER] = table[:, BUMP_WIDTH] = 1.0
-        return Scara(figures, sheet.gravity, sheet, table, rng.uniform(0.002, 0.008), bool(rng.random() < 0.5))
+        return Scara(
+            figures, sheet.gravity, sheet, table, rng.uniform(0.002, 0.008), bool(rng.random() < 0.5)
+        )
 
     def ideal(self, robot: Scara) -> Scara:
         """Viscous friction alone."""
@@ -287,7 +295,9 @@ def _run(
         _rigid(known, down, seen, measured, matrix, bias)
         for j in range(n):
             before[j] = command[j]
-            asked = bias[j] + table[j, FV] * speed[k, j] + table[j, FC] * np.tanh(speed[k, j] / (20 * smooth[j]))
+            asked = (
+                bias[j] + table[j, FV] * speed[k, j] + table[j, FC] * np.tanh(speed[k, j] / (20 * smooth[j]))
+            )
             for i in range(n):
                 asked += matrix[j, i] * residual[i]
             command[j] = min(max(asked, -limit[j]), limit[j])
@@ -306,7 +316,9 @@ def _run(
             viscous[j] = row[FV] * (1.0 - row[DROP] * warm[j])
             power = (level[j] + viscous[j] * abs(v[j])) * abs(v[j])
             warm[j] += h * (power / row[FRICTION_POWER] - warm[j]) / row[WARMING]
-            net[j] = given[j] - bias[j] - row[OFFSET] - row[DIFFERENCE] * abs(v[j]) - row[BEND] * v[j] * abs(v[j])
+            net[j] = (
+                given[j] - bias[j] - row[OFFSET] - row[DIFFERENCE] * abs(v[j]) - row[BEND] * v[j] * abs(v[j])
+            )
             net[j] += row[RIPPLE] * np.sin(row[CYCLES] * q[j] + row[PHASE]) - row[CABLE] * (q[j] - row[REST])
             net[j] -= row[CROSS] * v[(j + 1) % 2] * abs(v[(j + 1) % 2]) / 4.0
             if row[PUSH_LENGTH] > 0.0 and 0.0 < time - row[PUSH_START] < row[PUSH_LENGTH]:

@@ -95,7 +95,10 @@ class ServoArmPlant:
         table[:, FV], table[:, FC] = viscous, coulomb
         table[:, EXTRA], table[:, VELOCITY] = coulomb * rng.uniform(0.02, 0.12, 4), rng.uniform(0.05, 0.2, 4)
         table[:, BRISTLE] = coulomb * rng.uniform(400, 900, 4)
-        table[:, OFFSET], table[:, DIFFERENCE] = coulomb * rng.normal(0, 0.04, 4), viscous * rng.normal(0, 0.04, 4)
+        table[:, OFFSET], table[:, DIFFERENCE] = (
+            coulomb * rng.normal(0, 0.04, 4),
+            viscous * rng.normal(0, 0.04, 4),
+        )
         table[:, LOAD] = rng.uniform(0.005, 0.02, 4)
         table[:, RIPPLE], table[:, CYCLES] = coulomb * rng.uniform(0.02, 0.06, 4), rng.integers(5, 40, 4)
         table[:, PHASE], table[:, GAIN] = rng.uniform(0, 6.28, 4), rng.normal(0, 0.01, 4)
@@ -128,7 +131,12 @@ class ServoArmPlant:
             "external_contact",
         )
         places = [Place(effect, joint) for effect in of_joints for joint in range(4)]
-        places += [Place("gravity_spring", 1), Place("gravity_spring", 2), Place("payload"), Place("base_tilt")]
+        places += [
+            Place("gravity_spring", 1),
+            Place("gravity_spring", 2),
+            Place("payload"),
+            Place("base_tilt"),
+        ]
         sag = [Place(UNKNOWN, joint, None, "a drive that tires over the run") for joint in range(4)]
         drag = [Place(UNKNOWN, joint, None, "friction that the pose changes") for joint in range(4)]
         return (*places, *sag, *drag)
@@ -248,10 +256,12 @@ def _run(
             command = min(max(asked, -limit[j]), limit[j])
             torque[k, j] = 0.5 * (before[j] + command)
             before[j] = command
-            drive = (1.0 + row[GAIN] - row[SAG] * time / (samples * STEP))
+            drive = 1.0 + row[GAIN] - row[SAG] * time / (samples * STEP)
             drive *= min(max(command, -row[LIMIT]), row[LIMIT])
             fast = abs(v[j])
-            level[j] = row[FC] + row[LOAD] * abs(load[j]) + row[EXTRA] * np.exp(-((v[j] / row[VELOCITY]) ** 2))
+            level[j] = (
+                row[FC] + row[LOAD] * abs(load[j]) + row[EXTRA] * np.exp(-((v[j] / row[VELOCITY]) ** 2))
+            )
             level[j] += row[DRAG] * (1.0 + np.sin(2.5 * q[j]))
             friction = row[FV] * v[j] + row[OFFSET] + row[DIFFERENCE] * fast
             for i in range(4):
