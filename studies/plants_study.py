@@ -87,7 +87,8 @@ def work(robot: Robot) -> Row:
 def judged(row: Row, faults: Sequence[dict[str, Any]], said: dict[str, Any]) -> Row:
     """The row of a case.
 
-    first_right: the first name is a fault of the robot, at its joints. in_set: or it says that it cannot tell it
+    first_right: the first name is a fault of the robot, at its joints. in_set: or it says that it cannot
+    tell it
     from one, at the same joint. all_named: every fault has a name. wrong: names that are neither.
     """
     named = [
@@ -214,8 +215,8 @@ def page(scores: dict[str, Any]) -> str:
         )
         lines.append(f"| {name} | " + " | ".join(str(cell) for cell in cells) + " |")
     errors = (each["calibration_error"] for each in columns.values())
-    cells = ("none" if error is None else f"{error:.3f}" for error in errors)
-    lines.append("| expected calibration error | " + " | ".join(cells) + " |")
+    calibration = ("none" if error is None else f"{error:.3f}" for error in errors)
+    lines.append("| expected calibration error | " + " | ".join(calibration) + " |")
     lines += ["", "## Reliability", "", "| stated | right |", "| --- | --- |"]
     lines += [
         f"| {each['stated']:.0%} | {Share(each['count'], each['total'])} |"

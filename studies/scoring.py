@@ -1,4 +1,4 @@
-"""Figures of a study: shares with Wilson intervals, calibration of stated probabilities, risk against coverage."""
+"""Figures of a study: shares with Wilson intervals, calibration, risk against coverage."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -76,7 +76,7 @@ def calibration_error(stated: ArrayLike, right: ArrayLike, bins: int = 10) -> fl
 
 
 def risk_and_coverage(stated: Sequence[float | None], right: Sequence[bool]) -> list[tuple[float, float]]:
-    """(coverage, risk) as the least probability that one acts on falls; both shares of all cases and of those.
+    """(coverage, risk), as shares, for each least probability that one acts on.
 
     stated: of each case's first name, None where it abstains. Ties are taken together. El-Yaniv & Wiener, "On
     the foundations of noise-free selective classification", JMLR 11, 2010.

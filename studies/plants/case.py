@@ -13,7 +13,8 @@ Kind = Literal["healthy", "single", "pair", "unknown"]
 class Fault:
     """One thing that is wrong with a robot.
 
-    effect: of the catalogue, or "unknown" for a law outside of it. joint, into: names; None where it has none.
+    effect: of the catalogue, or "unknown" for a law outside of it. joint, into: names; None where it has
+    none.
     law: name of the law, for people. share: RMS of the torque that it moves over that of its joint.
     """
 
@@ -26,7 +27,10 @@ class Fault:
 
 @dataclass(frozen=True)
 class Case:
-    """A drawn robot. plant: its name. model: nominal MJCF. runs: 2 to 4. faults: the answer, empty if healthy."""
+    """A drawn robot.
+
+    plant: its name. model: nominal MJCF. runs: 2 to 4. faults: the answer, empty if healthy.
+    """
 
     plant: str
     seed: int

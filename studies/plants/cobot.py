@@ -1,6 +1,7 @@
-"""A collaborative arm: motors and links joined by harmonic drives, bristles for friction, control with a model.
+"""A collaborative arm: motors and links joined by harmonic drives, with bristles for friction.
 
-The motors' friction is that of Canudas de Wit, Olsson, Astrom & Lischinsky, "A new model for control of systems with
+The motors' friction is that of Canudas de Wit, Olsson, Astrom & Lischinsky, "A new model for control of
+systems with
 friction", IEEE TAC 40(3), 1995, with its bristles integrated exactly over a step. Steps of 0.25 ms.
 """
 

@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 SHARES: Mapping[Kind, float] = {"healthy": 0.25, "single": 0.5, "pair": 0.125, "unknown": 0.125}
 # Of the joint's torque, RMS, that a fault moves; log-uniform.
 SMALLEST, LARGEST = 0.04, 0.35
-# A fault that cannot be made to move such a share is drawn again: too small, or a loop that it makes unstable.
+# A fault that cannot be made to move such a share is drawn again: too small, or a loop that it makes
+# unstable.
 LEAST, MOST = 0.03, 0.8
 ATTEMPTS = 12
 # Of a size, relative to the plant's own unit of the effect.
@@ -45,8 +46,10 @@ class Place:
 class Plant(Protocol):
     """A kind of robot with its drives, written in a file of its own.
 
-    name: of the plant. effects: of the catalogue that it can have, each with the joints that may have it, None
-    for the whole robot. laws: outside of the catalogue, with the joints that may have them. robot, faulty: any
+    name: of the plant. effects: of the catalogue that it can have, each with the joints that may have it,
+    None
+    for the whole robot. laws: outside of the catalogue, with the joints that may have them. robot, faulty:
+    any
     immutable state of the plant.
     """
 
@@ -105,7 +108,10 @@ def kind_of(name: str, seed: int) -> Kind:
 
 
 def _streams(name: str, seed: int, count: int = 6) -> list[np.random.Generator]:
-    """Independent generators, one for each thing that is drawn. (hash() of a name differs between processes.)"""
+    """Independent generators, one for each thing that is drawn.
+
+    (hash() of a name differs between processes.)
+    """
     return [
         np.random.default_rng(each) for each in np.random.SeedSequence([seed, *name.encode()]).spawn(count)
     ]
@@ -141,7 +147,7 @@ def _with_faults(
 
 
 def _place(places: tuple[Place, ...], unknown: bool, taken: list[Place], rng: np.random.Generator) -> Place:
-    """One of the places, every effect as likely as any other, not of an effect or at a joint that is taken."""
+    """One of the places, each effect as likely as any other; no effect and no joint twice."""
     used = {place.effect for place in taken}
     joints = frozenset().union(*(place.where for place in taken))
     free = [
@@ -158,7 +164,7 @@ def _place(places: tuple[Place, ...], unknown: bool, taken: list[Place], rng: np
 def _sized(
     plant: Plant, robot: Any, place: Place, seed: int, wanted: float, motion: Motion, clean: Array
 ) -> tuple[float, float]:
-    """The size at which a fault moves the wanted share of torque, as near as two corrections come, and its share."""
+    """The size at which a fault moves nearly the wanted share of torque, and the share that it moves."""
     size, best = 1.0, (1.0, 0.0)
     for _ in range(3):
         sick = plant.faulty(robot, place, size, np.random.default_rng(seed))
@@ -188,19 +194,10 @@ def _told(plant: Plant, robot: Any, place: Place, share: float) -> Fault:
 
 
 def log_of(
-    plant: str,
-    links: Links,
-    rate: float,
-    position: Array,
-    torque: Array,
-    motion: Motion | None = None,
-    **channels: Array,
+    plant: str, links: Links, rate: float, position: Array, torque: Array, motion: Motion | None = None
 ) -> Recording:
     """A robot-log; rate: Hz. motion: at that rate, the reference where the controller tells it."""
-    reference = {}
-    if motion is not None:
-        names = ("reference_position", "reference_velocity", "reference_acceleration")
-        reference = dict(zip(names, motion, strict=True))
+    reference = motion or (None, None, None)
     return Recording(
         robot=plant,
         joint_names=links.names,
@@ -209,8 +206,9 @@ def log_of(
         time=np.arange(len(position)) / rate,
         position=position,
         torque=torque,
+        reference_position=reference[0],
+        reference_velocity=reference[1],
+        reference_acceleration=reference[2],
         controller=Controller("unknown", rate),
         is_slide=tuple(bool(slide) for slide in links.slide),
-        **reference,
-        **channels,
     )

@@ -1,6 +1,7 @@
 """A six-axis industrial arm: cascaded position and velocity loops at 1 kHz, friction that sticks and slips.
 
-Explicit steps of 0.5 ms. A joint slower than a threshold sticks while its friction can hold it (Karnopp, "Computer
+Explicit steps of 0.5 ms. A joint slower than a threshold sticks while its friction can hold it (Karnopp,
+"Computer
 simulation of stick-slip friction in mechanical dynamic systems", J. Dyn. Sys. 107, 1985).
 """
 
@@ -68,7 +69,10 @@ COLUMNS = 36
 
 @dataclass(frozen=True)
 class Industrial:
-    """links: with payload and tilt. sheet: links of the data sheet. table: (n, COLUMNS). bits, noise: of sensors."""
+    """links: with payload and tilt.
+
+    sheet: links of the data sheet. table: (n, COLUMNS). bits, noise: of sensors.
+    """
 
     links: Links
     sheet: Links

@@ -5,6 +5,7 @@ Luh, Walker & Paul, "On-line computational scheme for mechanical manipulators", 
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -49,7 +50,7 @@ class Links:
         return tuple(f"joint_{index}" for index in range(1, self.joints + 1))
 
     @property
-    def body(self) -> tuple[Array, ...]:
+    def body(self) -> tuple[NDArray[Any], ...]:
         """What the compiled functions take."""
         return (
             self.place,
@@ -82,7 +83,7 @@ class Links:
         return replace(self, gravity=(about_y @ about_x).T @ self.gravity)
 
     def from_cad(self, rng: np.random.Generator, spread: float = 1.0) -> "Links":
-        """The nominal model's: masses, centres, inertias, rotors and friction off as CAD and data sheets are."""
+        """The nominal model's links: off as CAD and data sheets are."""
 
         def off(shape: tuple[int, ...], deviation: float) -> Array:
             return np.exp(spread * deviation * rng.standard_normal(shape))
@@ -135,7 +136,9 @@ class Links:
 
 
 def upright(axes: str, lengths: Array, mass: Array, armature: Array, rng: np.random.Generator) -> Links:
-    """An arm that stands upright at zero; axes: a letter of x, y, z a joint. lengths: (n,) m above each joint.
+    """An arm that stands upright at zero; axes: a letter of x, y, z a joint.
+
+    lengths: (n,) m above each joint.
 
     Links are rods of some thickness whose centres lie a little to the side. Limits and friction are zero.
     """

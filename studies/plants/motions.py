@@ -21,7 +21,8 @@ def waves(
 ) -> Motion:
     """A random sum of sines about a random pose, at rest at both ends, within range and speed.
 
-    lower, upper: (n,) rad (m). speed: (n,) rad/s (m/s). duration: s. rate: Hz. lowest: Hz, of the first harmonic.
+    lower, upper: (n,) rad (m). speed: (n,) rad/s (m/s). duration: s. rate: Hz. lowest: Hz, of the first
+    harmonic.
     """
     n = len(lower)
     time = np.arange(round(duration * rate) + 1) / rate
@@ -52,7 +53,7 @@ def moves(
     rate: float,
     rest: float = 0.3,
 ) -> Motion:
-    """Moves between random poses, all joints at once, each smooth in acceleration, with rests of ``rest`` s."""
+    """Quintic moves of all joints at once between random poses, with rests of ``rest`` s."""
     n, total = len(lower), round(duration * rate) + 1
     q, dq, ddq = np.zeros((3, total, n))
     pose, start = rng.uniform(lower, upper), 0

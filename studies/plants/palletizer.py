@@ -1,6 +1,7 @@
-"""A heavy five-axis arm whose drives hold it close to its path: torque follows from the motion, not the reverse.
+"""A heavy five-axis arm close to its path: torque follows from the motion, not the reverse.
 
-The links follow the reference through a stiff servo; motors, gearboxes and friction then say what torque that took:
+The links follow the reference through a stiff servo; motors, gearboxes and friction then say what torque
+that took:
 q_m = q_l + tau_l / K, tau = I ddq_m + friction(dq_m) + tau_l (flatness; Spong, J. Dyn. Sys. 109, 1987). No
 integration, friction a tanh of the speed.
 """
@@ -55,7 +56,8 @@ class Joint:
 class Palletizer:
     """links: without rotors, with payload and tilt. sheet: of the data sheet. joints: figures of each.
 
-    delay: s, of all drives. pairs: (first, second, viscous, Coulomb) of shared drives. band: rad/s, of the servo.
+    delay: s, of all drives. pairs: (first, second, viscous, Coulomb) of shared drives. band: rad/s, of the
+    servo.
     rate: Hz.
     """
 

@@ -1,7 +1,9 @@
-"""A seven-axis arm that is MuJoCo's own from end to end: its servos, soft friction, tendons and compliant joints.
+"""A seven-axis arm in MuJoCo from end to end: servos, soft friction, tendons, compliant joints.
 
-The model is written as MJCF and rolled out by ``mujoco.rollout``: position servos with feedforward torque beside
-them, ``frictionloss`` as the soft constraint it is. What MJCF has no field for (ripple, asymmetry) acts as a torque
+The model is written as MJCF and rolled out by ``mujoco.rollout``: position servos with feedforward torque
+beside
+them, ``frictionloss`` as the soft constraint it is. What MJCF has no field for (ripple, asymmetry) acts as
+a torque
 along the reference, which the arm follows closely.
 """
 
@@ -29,7 +31,8 @@ SOFT = 0.05  # rad/s, width of the tanh in the feedforward's friction
 class Redundant:
     """links: as built. sheet: of the data sheet. gains: (2, n) kp and kv of the servos. changes: to the MJCF.
 
-    offset, difference: (n,) of asymmetric friction. ripple: (3, n) amplitude, cycles, phase. gain: (n,) relative.
+    offset, difference: (n,) of asymmetric friction. ripple: (3, n) amplitude, cycles, phase. gain: (n,)
+    relative.
     bias: name, joint and three figures of a torque of its own. zero, lag: (n,), rad and s. limit: (n,) N·m.
     """
 

@@ -1,6 +1,7 @@
 """A SCARA in closed form: two parallel axes, a quill and a spindle, under computed torque at 2 kHz.
 
-Friction is a smooth tanh of the speed at the end of each step, solved for by Newton's method, so that steps of
+Friction is a smooth tanh of the speed at the end of each step, solved for by Newton's method, so that
+steps of
 0.5 ms stay stable however steep it is (backward Euler).
 """
 

@@ -1,6 +1,7 @@
 """A hobby arm of four geared servos: 12-bit encoders, proportional position control, logged at 100 Hz.
 
-Friction is four springs in parallel that slip one after another (Maxwell slip; Lampaert, Al-Bender & Swevers, "A
+Friction is four springs in parallel that slip one after another (Maxwell slip; Lampaert, Al-Bender &
+Swevers, "A
 generalized Maxwell-slip friction model", 2003). Explicit steps of 1 ms; drives are motors at a voltage.
 """
 
