@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 CONTROL, STEPS, LOGGED = 1000.0, 4, 2  # Hz, steps a period, periods a sample
 BAND = 30.0  # rad/s
+OUTPUT = 0.25  # share of a drive's inertia that turns with the link
 LATEST = 64  # steps that a delay may last
 
 # Columns of the joints' figures.
@@ -59,7 +60,7 @@ COLUMNS = 28
 
 @dataclass(frozen=True)
 class Cobot:
-    """links: without rotors, with payload and tilt. sheet: links of the data sheet. table: (n, COLUMNS)."""
+    """links: with the drives' output side, payload and tilt. sheet: links of the data sheet. table: (n, COLUMNS)."""
 
     links: Links
     sheet: Links
@@ -95,7 +96,7 @@ class CobotPlant:
         )
         carried = weight * reach**2 / 3 + 0.01
         table = np.zeros((6, COLUMNS))
-        table[:, ROTOR], table[:, FV], table[:, FC] = rotor, viscous, coulomb
+        table[:, ROTOR], table[:, FV], table[:, FC] = (1 - OUTPUT) * rotor, viscous, coulomb
         table[:, STIFFNESS] = (2 * np.pi * rng.uniform(25, 45, 6)) ** 2 * carried
         table[:, DAMPING] = table[:, STIFFNESS] * rng.uniform(2e-4, 5e-4, 6)
         table[:, EXTRA], table[:, VELOCITY] = coulomb * rng.uniform(0.02, 0.12, 6), rng.uniform(0.03, 0.2, 6)
@@ -109,7 +110,7 @@ class CobotPlant:
         table[:, RIPPLE], table[:, CYCLES] = coulomb * rng.uniform(0.01, 0.07, 6), 2 * rng.integers(50, 81, 6)
         table[:, PHASE], table[:, GAIN] = rng.uniform(0, 6.28, 6), rng.normal(0, 0.005, 6)
         table[:, STOP_AT], table[:, SHAKE_RATE] = 9.0, 1.0
-        bare = replace(links, armature=np.zeros(6))
+        bare = replace(links, armature=OUTPUT * rotor)
         return Cobot(bare, links, table, rng.uniform(0.001, 0.006))
 
     def ideal(self, robot: Cobot) -> Cobot:

@@ -23,6 +23,7 @@ SMALLEST, LARGEST = 0.04, 0.35
 # unstable.
 LEAST, MOST = 0.03, 0.8
 ATTEMPTS = 12
+STREAMS, NOISE = 6, 4
 # Of a size, relative to the plant's own unit of the effect.
 SIZES = (0.03, 12.0)
 UNKNOWN = "unknown"
@@ -85,36 +86,49 @@ class Plant(Protocol):
 
 
 def drawn(plant: Plant, seed: int, healthy: bool = False) -> Case:
-    """The robot of this seed. healthy: the same without its faults, which the answer then lacks."""
-    building, choosing, figures, moving, noise, modelling = _streams(plant.name, seed)
-    robot = plant.robot(building)
+    """The robot of this seed; one that cannot follow its motions is drawn again.
+
+    healthy: the same without its faults, which the answer then lacks.
+    """
     kind = kind_of(plant.name, seed)
-    count = int(choosing.integers(2, 5))
-    motions = [plant.motion(robot, moving) for _ in range(count)]
-    sick, faults = _with_faults(plant, robot, kind, motions[0], choosing, figures)
-    driven = robot if healthy else sick
-    runs = tuple(
-        plant.run(driven, motion, each) for motion, each in zip(motions, noise.spawn(count), strict=True)
-    )
-    model = plant.links(robot).from_cad(modelling).mjcf(plant.name)
-    return Case(plant.name, seed, "healthy" if healthy else kind, model, runs, () if healthy else faults)
+    for attempt in range(ATTEMPTS):
+        building, choosing, figures, moving, noise, modelling = _streams(plant.name, seed, attempt)
+        robot = plant.robot(building)
+        count = int(choosing.integers(2, 5))
+        motions = [plant.motion(robot, moving) for _ in range(count)]
+        noises = noise.spawn(count)
+        sick, faults = _with_faults(plant, robot, kind, motions[0], choosing, figures)
+        runs = [plant.run(sick, motion, each) for motion, each in zip(motions, noises, strict=True)]
+        if not all(_followed(run) for run in runs):
+            continue
+        if healthy:
+            again = _streams(plant.name, seed, attempt)[NOISE].spawn(count)
+            runs = [plant.run(robot, motion, each) for motion, each in zip(motions, again, strict=True)]
+        model = plant.links(robot).from_cad(modelling).mjcf(plant.name)
+        told: Kind = "healthy" if healthy else kind
+        return Case(plant.name, seed, told, model, tuple(runs), () if healthy else faults)
+    raise RuntimeError(f"{plant.name}: none of {ATTEMPTS} robots of seed {seed} follows its motions")
+
+
+def _followed(run: Recording) -> bool:
+    """Whether a run is finite, and each joint within half of its motion's range of its reference."""
+    reference = run.reference_position
+    if reference is None or not (np.isfinite(run.position).all() and np.isfinite(run.torque).all()):
+        return False
+    return bool((np.abs(run.position - reference).max(axis=0) < 0.5 * np.ptp(reference, axis=0)).all())
 
 
 def kind_of(name: str, seed: int) -> Kind:
     """Of the robot of a plant and seed."""
     kinds = list(SHARES)
-    *_, choosing = _streams(name, seed, 7)
+    choosing = np.random.default_rng([seed, *name.encode()])
     return kinds[choosing.choice(len(kinds), p=list(SHARES.values()))]
 
 
-def _streams(name: str, seed: int, count: int = 6) -> list[np.random.Generator]:
-    """Independent generators, one for each thing that is drawn.
-
-    (hash() of a name differs between processes.)
-    """
-    return [
-        np.random.default_rng(each) for each in np.random.SeedSequence([seed, *name.encode()]).spawn(count)
-    ]
+def _streams(name: str, seed: int, attempt: int) -> list[np.random.Generator]:
+    """Independent generators, one for each thing that is drawn; the same in every process."""
+    entropy = np.random.SeedSequence([seed, attempt, *name.encode()])
+    return [np.random.default_rng(each) for each in entropy.spawn(STREAMS)]
 
 
 def _with_faults(
