@@ -60,7 +60,7 @@ COLUMNS = 28
 
 @dataclass(frozen=True)
 class Cobot:
-    """links: with the drives' output side, payload and tilt. sheet: of the data sheet. table: (n, COLUMNS)."""
+    """links: with the drives' output side, payload and tilt. sheet: the data sheet's. table: (n, COLUMNS)."""
 
     links: Links
     sheet: Links
