@@ -14,7 +14,8 @@ from testbench.simulation import (
     sample_reference,
     simulate,
 )
-from testbench.simulation.controller import feedforward, gains, velocity_pole
+from testbench.simulation.controller import feedforward, velocity_pole
+from testbench.simulation.gains import gains
 from testbench.simulation.plant import plant_model
 
 from ._arms import random_motion, tx90
@@ -92,7 +93,8 @@ def _python_loop(reference: Reference) -> Callable[[], np.ndarray]:
     viscous, coulomb = model.dof_damping.copy(), model.dof_frictionloss.copy()
 
     def loop() -> np.ndarray:
-        kp, kd = gains(controller, robot.chain, robot.parameters, limits.lower, limits.upper)
+        found = gains(controller, robot.chain, robot.parameters, limits.lower, limits.upper)
+        kp, kd = found.kp, found.kd
         forward = feedforward(robot.chain, robot.parameters, reference, controller.coulomb_smoothing)
         rng = np.random.default_rng(0)
         noise = NOISE * limits.torque * rng.standard_normal(reference.position.shape)

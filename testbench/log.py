@@ -20,7 +20,7 @@ from .hdf5 import CheckedFile, decoded, single
 Array = NDArray[np.float64]
 
 FORMAT, VERSION = "robot-log", 1
-CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "unknown")
+CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "position_servo", "unknown")
 # Median sample interval against sample_rate: clocks of real robots jitter, but not on the whole.
 RATE_TOLERANCE = 0.01
 
@@ -49,7 +49,7 @@ TRUTH_UNITS = {
 
 @dataclass(frozen=True)
 class Controller:
-    """What drove the robot. kind: pd, pd_with_model_feedforward or unknown. rate: Hz.
+    """What drove the robot. kind: pd, pd_with_model_feedforward, position_servo or unknown. rate: Hz.
 
     kp, kd: (n,) N·m/rad and N·m·s/rad, or None. coulomb_smoothing: rad/s, of the feedforward, or None.
     """

@@ -1,7 +1,7 @@
 """The job behind ``run``: scenario in, results folder out."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +33,15 @@ from .report import write_report
 from .results import IdentificationResult
 from .robot import Robot, load_robot
 from .scenario import Scenario, load_scenario
-from .simulation import ControllerOptions, SensorOptions, SimulationOptions, sample_reference, simulate
+from .simulation import (
+    ControllerOptions,
+    SensorOptions,
+    SimulationOptions,
+    controller_gains,
+    sample_reference,
+    simulate,
+    tracking,
+)
 from .summary import print_summary
 
 # Streams drawn from a scenario's seed.
@@ -110,6 +118,7 @@ def _run_plan(
             fitted, validated = _simulate(
                 scenario, robot, nominal, excitation, validations, noise, source, jobs
             )
+        told = _tracking(scenario, robot, nominal, fitted | validated)
         for name, recording in (fitted | validated).items():
             write_log(recording, folder / f"{name}.h5")
         with progress.step(f"{scenario.name}: identify"):
@@ -120,6 +129,8 @@ def _run_plan(
             write_report(result, folder / "report.html", excitation_document(excitation))
             write_session(result, folder / "session.rrd")
     print(f"{scenario.name}: {folder}")
+    for line in told:
+        print(line)
     print_summary(result)
     return result
 
@@ -190,6 +201,19 @@ def _simulate(
     return {"fit": recordings[0]}, dict(zip(names, recordings[1:], strict=True))
 
 
+def _tracking(
+    scenario: Scenario, robot: Robot, nominal: Robot, runs: Mapping[str, Recording]
+) -> tuple[str, ...]:
+    """Lines on the loop's gains and how it followed. Raises InputError for a run whose loop ran away."""
+    options = simulation_options(scenario, robot)
+    lines = controller_gains(options, nominal).reduced(options.controller.bandwidth, robot.joint_names)
+    for name, recording in runs.items():
+        followed = tracking(recording, nominal.limits.torque)
+        followed.require_followed(f"{scenario.name}, {name}")
+        lines += tuple(f"{name}: {line}" for line in followed.warnings())
+    return lines
+
+
 def _nominal(scenario: Scenario, robot: Robot, folder: Path) -> Robot:
     """The model that the controller knows: the robot's, or one drawn around it and written to the folder."""
     scale = scenario.model_error.scale
@@ -211,7 +235,9 @@ def simulation_options(scenario: Scenario, robot: Robot) -> SimulationOptions:
         healthy = background(robot, _streams(scenario)[BACKGROUND], scenario.background.scale)
         effects, sensors = effects + healthy.effects, healthy.sensors
     return SimulationOptions(
-        controller=ControllerOptions(kind=simulation.controller, rate=simulation.control_rate),
+        controller=ControllerOptions(
+            kind=simulation.controller, rate=simulation.control_rate, bandwidth=simulation.bandwidth
+        ),
         sensors=sensors,
         physics_timestep=simulation.physics_timestep,
         effects=effects,

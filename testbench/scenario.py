@@ -62,11 +62,15 @@ class ValidationSection(_Section):
 
 
 class SimulationSection(_Section):
-    """How the robot is driven. periods: repetitions of the excitation; the controller's kind and rates."""
+    """How the robot is driven.
+
+    periods: repetitions of the excitation; the controller's kind, rate and bandwidth.
+    """
 
     periods: Annotated[int, Field(ge=1, le=10_000)] = 2
-    controller: Literal["pd", "pd_with_model_feedforward"] = "pd_with_model_feedforward"
+    controller: Literal["pd", "pd_with_model_feedforward", "model"] = "pd_with_model_feedforward"
     control_rate: Hertz = 1000.0
+    bandwidth: Hertz = 6.0
     physics_timestep: Seconds = 2e-4
 
 

@@ -12,7 +12,7 @@ from .files import require_writable
 from .log import Recording, write_log
 from .progress import steps
 from .robot import load_robot
-from .simulation import SimulationOptions, sample_reference, simulate
+from .simulation import SimulationOptions, controller_gains, sample_reference, simulate, tracking
 
 
 def simulate_model(
@@ -27,7 +27,8 @@ def simulate_model(
 ) -> Recording:
     """Drive a model along a trajectory file, write the robot-log to ``out`` and say so. Raises InputError.
 
-    effects: as ``NAME[:joint[:key=value,...]]``, beside those of ``options``.
+    effects: as ``NAME[:joint[:key=value,...]]``, beside those of ``options``. A loop that ran away
+    leaves no file.
     """
     require_writable(out, model, trajectory)
     robot = load_robot(model)
@@ -40,10 +41,15 @@ def simulate_model(
     reference = sample_reference(motion, options.controller.rate, periods)
     with steps() as progress, progress.step("simulate"):
         (recording,) = simulate(robot, [reference], options, seed=seed, threads=jobs)
+    followed = tracking(recording, robot.limits.torque)
+    followed.require_followed(trajectory)
     told = {"trajectory": trajectory.name}
     recording = dataclasses.replace(recording, provenance=recording.provenance | told)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_log(recording, out)
     joints, rate = len(recording.joint_names), recording.sample_rate
     print(f"{out}: {len(recording.time) / rate:.3g} s of {joints} joints at {rate:g} Hz")
+    gains = controller_gains(options, robot)
+    for line in (*gains.reduced(options.controller.bandwidth, robot.joint_names), *followed.warnings()):
+        print(line)
     return recording

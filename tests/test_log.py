@@ -201,7 +201,7 @@ BROKEN = [
     (lambda file: file.__delitem__("controller/kd"), ["controller/kd", "a dataset"]),
     (
         attribute("kind", "pid", "controller"),
-        ["controller kind", "'pid'", "valid: pd, pd_with_model_feedforward, unknown"],
+        ["controller kind", "'pid'", "valid: pd, pd_with_model_feedforward, position_servo, unknown"],
     ),
     (without("rate", "controller"), ["controller rate"]),
     (attribute("rate", -1.0, "controller"), ["controller rate", "positive"]),

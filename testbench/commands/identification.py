@@ -62,8 +62,9 @@ def simulate(
     ] = None,
     periods: Annotated[int, Parameter(help="repetitions of the trajectory")] = 2,
     controller: Annotated[
-        str, Parameter(help="pd or pd_with_model_feedforward")
+        str, Parameter(help="pd, pd_with_model_feedforward, or model: the servos of its position actuators")
     ] = "pd_with_model_feedforward",
+    bandwidth: Annotated[float, Parameter(help="Hz, of the position loop")] = 6.0,
     encoder_bits: Annotated[int, Parameter(help="counts a turn, 2**bits; 0 for an exact encoder")] = 17,
     torque_noise: Annotated[float, Parameter(help="white noise as a share of the torque limit")] = 0.01,
     seed: Seed = 0,
@@ -74,7 +75,7 @@ def simulate(
     from ..simulation import ControllerOptions, SensorOptions, SimulationOptions
 
     options = SimulationOptions(
-        controller=ControllerOptions(kind=controller),
+        controller=ControllerOptions(kind=controller, bandwidth=bandwidth),
         sensors=SensorOptions(
             encoder_bits=encoder_bits,
             slide_resolution=1e-6 if encoder_bits else 0.0,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from .options import Processes
+from .options import Processes, Seed, at_least
 
 app = App(name="study", help="The standing judges: recordings of real robots, independent simulated plants.")
 
@@ -23,3 +23,17 @@ def study_recordings(
     from studies.recordings.study import study
 
     study(plan, data, out, jobs)
+
+
+@app.command(name="plants")
+def study_plants(
+    *,
+    out: Annotated[Path, Parameter(help="folder for plants.md, .csv and .json; a second call resumes")],
+    robots: Annotated[int, Parameter(help="robots a plant", validator=at_least(1, "--robots"))] = 60,
+    seed: Seed = 0,
+    jobs: Processes = None,
+) -> None:
+    """Draw robots of every independent plant, diagnose their logs, and score what is said."""
+    from studies.plants_study import study
+
+    study(out, robots, seed, jobs)

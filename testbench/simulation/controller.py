@@ -19,18 +19,20 @@ from identification.parameters import ARMATURE, PER_JOINT
 from identification.regressor import regressor
 
 from .reference import Reference
-from .sensors import per_joint
 
 Array = NDArray[np.float64]
 
 KINDS = ("pd_with_model_feedforward", "pd")
+# The servo of the model's position actuators, and the kind by which its logs tell of it.
+MODEL, POSITION_SERVO = "model", "position_servo"
 
 
 @dataclass(frozen=True)
 class ControllerOptions:
     """The tracker. Raises InputError for an unknown kind or a value out of range.
 
-    kind: pd_with_model_feedforward or pd. rate: Hz. kp, kd: N·m/rad and N·m·s/rad (N/m, N·s/m), a
+    kind: pd_with_model_feedforward, pd, or model (kp and kv of the model's position actuators, which damp
+    the speed itself: kp (q_ref - q) - kv dq). rate: Hz. kp, kd: N·m/rad and N·m·s/rad (N/m, N·s/m), a
     scalar or one a joint; None: from the model by ``bandwidth`` (Hz) and ``damping_ratio``.
     velocity_cutoff: Hz, of the low-pass on the measured velocity. coulomb_smoothing: rad/s (m/s),
     width of tanh in the feedforward's Coulomb friction.
@@ -46,33 +48,18 @@ class ControllerOptions:
     coulomb_smoothing: float = 0.05
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise InputError("simulation", "controller kind", "a controller", repr(self.kind), KINDS)
+        known = (*KINDS, MODEL)
+        if self.kind not in known:
+            raise InputError("simulation", "controller kind", "a controller", repr(self.kind), known)
         for field in ("rate", "bandwidth", "damping_ratio", "velocity_cutoff", "coulomb_smoothing"):
             value = getattr(self, field)
             if not (np.isfinite(value) and value > 0):
                 raise InputError("simulation", f"controller {field}", "a positive number", value)
 
-
-def gains(
-    options: ControllerOptions, chain: Chain, parameters: Array, lower: Array, upper: Array
-) -> tuple[Array, Array]:
-    """kp and kd, each (n,): those given, else kp = w² M_jj and kd = 2 zeta w M_jj, w = 2 pi bandwidth.
-
-    M_jj is the joint's own inertia with the arm in the middle of its range (at 0 where a joint has none).
-    """
-    middle = np.zeros(chain.joints)
-    bounded = np.isfinite(lower) & np.isfinite(upper)
-    middle[bounded] = (lower[bounded] + upper[bounded]) / 2
-    inertia = diagonal_inertia(chain, parameters, middle)
-    w = 2 * np.pi * options.bandwidth
-    kp = w**2 * inertia if options.kp is None else per_joint(options.kp, chain.joints, "kp", 0)
-    kd = (
-        2 * options.damping_ratio * w * inertia
-        if options.kd is None
-        else per_joint(options.kd, chain.joints, "kd", 0)
-    )
-    return kp, kd
+    @property
+    def logged_kind(self) -> str:
+        """The kind by which a robot-log tells of it."""
+        return POSITION_SERVO if self.kind == MODEL else self.kind
 
 
 def middle_pose(lower: Array, upper: Array) -> Array:

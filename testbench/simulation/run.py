@@ -18,7 +18,8 @@ from ..log import Controller, Recording
 from ..robot import Robot
 from . import layout
 from .batch import Loop, run_loops
-from .controller import ControllerOptions, feedforward, gains, velocity_pole
+from .controller import MODEL, ControllerOptions, feedforward, velocity_pole
+from .gains import Gains, gains, servo_gains
 from .plant import plant_model, resting_pose
 from .reference import Reference
 from .sensors import SensorOptions, centred_torque, encoder_quantum, measured_torque, per_joint, white_noise
@@ -51,6 +52,15 @@ class SimulationOptions:
     def substeps(self) -> int:
         """Physics steps a control period."""
         return max(round(1 / (self.controller.rate * self.physics_timestep)), 1)
+
+
+def controller_gains(options: SimulationOptions, nominal: Robot) -> Gains:
+    """The gains of a run's controller, which knows this model. Raises InputError."""
+    controller, limits = options.controller, nominal.limits
+    if controller.kind == MODEL:
+        return servo_gains(nominal.model)
+    step = 1 / (controller.rate * options.substeps)
+    return gains(controller, nominal.chain, nominal.parameters, limits.lower, limits.upper, step)
 
 
 def simulate(
@@ -129,9 +139,8 @@ class _Run:
         self.robot, self.reference, self.options, self.stream = robot, reference, options, stream
         sensors, controller = options.sensors, options.controller
         self.deviation = self._torque_deviation()
-        self.kp, self.kd = gains(
-            controller, nominal.chain, nominal.parameters, nominal.limits.lower, nominal.limits.upper
-        )
+        found = controller_gains(options, nominal)
+        self.kp, self.kd = found.kp, found.kd
         forward, at_rest = np.zeros_like(reference.position), np.zeros(n)
         if controller.kind == "pd_with_model_feedforward":
             smoothing = controller.coulomb_smoothing
@@ -156,13 +165,15 @@ class _Run:
         constants[layout.ARMATURE], constants[layout.SPLIT] = unmodelled.armature, unmodelled.split
         constants[layout.CONTACT_STIFFNESS] = unmodelled.stiffness
         constants[layout.CONTACT_DAMPING] = unmodelled.damping
+        # A position servo is not told how fast to go.
+        speed = np.zeros_like(forward) if controller.kind == MODEL else reference.velocity
         self.loop = Loop(
             plant=plant,
             substeps=options.substeps,
             rate=controller.rate,
             velocity_pole=velocity_pole(controller),
             constants=constants,
-            inputs=np.stack([reference.position, reference.velocity, forward, noise], axis=1),
+            inputs=np.stack([reference.position, speed, forward, noise], axis=1),
             pose=pose,
             hold=self.hold,
             windup=windup,
@@ -206,7 +217,7 @@ class _Run:
             reference_velocity=reference.velocity,
             reference_acceleration=reference.acceleration,
             controller=Controller(
-                controller.kind,
+                controller.logged_kind,
                 rate,
                 self.kp,
                 self.kd,

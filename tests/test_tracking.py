@@ -1,0 +1,204 @@
+"""A simulated loop is stable over the arm's range, or it is refused and leaves no log."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.errors import InputError
+from testbench.cli import main
+from testbench.log import read_log
+from testbench.robot import Robot
+from testbench.simulation import (
+    ControllerOptions,
+    Reference,
+    SensorOptions,
+    SimulationOptions,
+    controller_gains,
+    sample_reference,
+    simulate,
+    tracking,
+)
+from testbench.simulation.gains import LATENESS, inertia_over_range
+
+from .one_line import complaint
+from .simulated_arm import ARM, ARM_MOTION, RATE, Sines, robot_from
+
+LINK = '<inertial pos="0 0 {length}" mass="{mass}" diaginertia="{across} {across} {along}"/>'
+
+
+def light_arm(armature: float, free: str = "") -> str:
+    """Seven light links whose axes alternate, upright at zero: joints 1, 3, 5 and 7 are one line there."""
+    body, end = "", ""
+    for joint in range(7):
+        mass = 1.4 / (1 + 0.4 * joint)
+        inertial = LINK.format(length=0.09, mass=mass, across=0.004 * mass, along=0.004 * mass)
+        axis, limits = ("0 0 1", free) if joint % 2 == 0 else ("0 1 0", 'range="-2.3 2.3"')
+        body += (
+            f'<body pos="0 0 {0.18 if joint else 0.1}">{inertial}'
+            f'<joint name="j{joint + 1}" axis="{axis}" {limits} '
+            f'armature="{armature}" damping="0.2" frictionloss="0.1" actuatorfrcrange="-40 40"/>'
+        )
+        end += "</body>"
+    return f'<mujoco model="light"><compiler angle="radian"/><worldbody>{body}{end}</worldbody></mujoco>'
+
+
+LIGHT_MOTION = sample_reference(
+    Sines((0.8, -0.5, 0.7, 0.6, -0.8, 0.5, 0.9), (1, 2, 1, 2, 3, 1, 2), 4.0), RATE
+)
+NOISY = SimulationOptions(sensors=SensorOptions(encoder_bits=17, torque_noise=0.01), physics_timestep=2e-4)
+
+
+@pytest.fixture(scope="module")
+def light(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return robot_from(light_arm(0.0), tmp_path_factory.mktemp("light"))
+
+
+def crossover(robot: Robot, options: SimulationOptions) -> float:
+    """The fastest velocity loop in any pose, rad/s."""
+    kd = controller_gains(options, robot).kd
+    limits = robot.limits
+    inertia = inertia_over_range(robot.chain, robot.parameters, limits.lower, limits.upper)
+    return max(np.linalg.eigvals(np.linalg.solve(each, np.diag(kd))).real.max() for each in inertia)
+
+
+def test_an_arm_without_rotors_follows_its_reference(light: Robot) -> None:
+    (recording,) = simulate(light, [LIGHT_MOTION], NOISY)
+    followed = tracking(recording, light.limits.torque)
+    followed.require_followed("light")
+    assert followed.share.max() < 0.05
+    assert not followed.warnings()
+
+
+@pytest.mark.parametrize("rate", [250.0, 1000.0])
+def test_bandwidth_gives_way_to_the_rate_and_says_so(light: Robot, rate: float) -> None:
+    options = SimulationOptions(ControllerOptions(rate=rate, bandwidth=20), physics_timestep=2e-4)
+    late = 1 / (2 * np.pi * options.controller.velocity_cutoff) + 1 / rate + options.physics_timestep
+    assert crossover(light, options) <= LATENESS / late
+    lines = controller_gains(options, light).reduced(20, light.joint_names)
+    assert lines[0].startswith("j1: bandwidth")
+    assert "instead of 20 Hz" in lines[0]
+
+
+def test_a_heavy_joint_has_the_bandwidth_asked_for(tmp_path: Path) -> None:
+    arm = robot_from(ARM, tmp_path)
+    options = SimulationOptions(ControllerOptions(bandwidth=3, damping_ratio=0.7))
+    found = controller_gains(options, arm)
+    assert not found.reduced(3, arm.joint_names)
+    np.testing.assert_allclose(found.bandwidth, 3, rtol=1e-9)
+    typical = np.sqrt(found.smallest * found.largest)
+    np.testing.assert_allclose(found.kp, (6 * np.pi) ** 2 * typical)
+    np.testing.assert_allclose(found.kd, 2 * 0.7 * 6 * np.pi * typical)
+
+
+# Runs are judged by what they did
+
+
+def judged(robot: Robot, options: SimulationOptions, motion: Reference = LIGHT_MOTION) -> str:
+    (recording,) = simulate(robot, [motion], options)
+    followed = tracking(recording, robot.limits.torque)
+    try:
+        followed.require_followed("light")
+    except InputError as error:
+        return str(error)
+    return "\n".join(followed.warnings())
+
+
+def test_an_unstable_loop_is_refused(light: Robot) -> None:
+    # Far beyond what a filter and a hold that are 3 ms late can stand.
+    found = controller_gains(NOISY, light)
+    said = judged(light, replace(NOISY, controller=ControllerOptions(kp=found.kp, kd=20 * found.kd)))
+    assert "light: tracking: expected a loop that follows its reference" in said
+    assert "times its peak speed" in said
+    assert "\n" not in said
+
+
+def test_a_loop_too_soft_to_follow_is_warned_of(light: Robot) -> None:
+    soft = controller_gains(NOISY, light)
+    options = replace(NOISY, controller=ControllerOptions("pd", kp=10 * soft.kp, kd=2 * soft.kd))
+    said = judged(light, options)
+    assert said.startswith("warning: j")
+    assert "whose range is" in said
+
+
+def test_torque_that_chatters_at_its_limit_is_refused_however_well_it_follows(light: Robot) -> None:
+    (recording,) = simulate(light, [LIGHT_MOTION], NOISY)
+    command = recording.torque_command.copy()
+    command[::10, 4], command[1::10, 4] = 40.0, -40.0
+    followed = tracking(replace(recording, torque_command=command), light.limits.torque)
+    with pytest.raises(InputError, match="j5 strays .* with its torque at the limit 20% of the time"):
+        followed.require_followed("light")
+
+
+def test_torque_held_at_its_limit_while_the_robot_follows_is_no_runaway(light: Robot) -> None:
+    (recording,) = simulate(light, [LIGHT_MOTION], NOISY)
+    held = replace(recording, torque_command=np.full_like(recording.torque_command, 40.0))
+    followed = tracking(held, light.limits.torque)
+    assert followed.saturated.tolist() == [1.0] * 7
+    assert followed.switching.max() == 0.0
+    followed.require_followed("light")
+
+
+def test_what_is_not_finite_has_run_away(light: Robot) -> None:
+    (recording,) = simulate(light, [LIGHT_MOTION], NOISY)
+    position = recording.position.copy()
+    position[50, 2] = np.nan
+    followed = tracking(replace(recording, position=position), light.limits.torque)
+    with pytest.raises(InputError, match="j3 strays nan rad"):
+        followed.require_followed("light")
+
+
+# Servos of the model
+
+
+def test_the_models_servos_drive_the_simulated_arm(tmp_path: Path) -> None:
+    servos = (
+        '<actuator><position joint="turn" kp="4000" kv="200"/>'
+        '<position joint="lift" kp="900" kv="30" gear="2"/>'
+        '<position joint="reach" kp="9000" kv="300"/></actuator>'
+    )
+    arm = robot_from(ARM.replace(ARM[ARM.index("<actuator>") : ARM.index("</mujoco>")], servos), tmp_path)
+    options = SimulationOptions(ControllerOptions("model", velocity_cutoff=1e6))
+    (recording,) = simulate(arm, [ARM_MOTION], options)
+    controller = recording.controller
+    assert controller is not None
+    assert controller.kind == "position_servo"
+    np.testing.assert_allclose(controller.kp, [4000, 3600, 9000])
+    np.testing.assert_allclose(controller.kd, [200, 120, 300])
+    velocity = np.diff(recording.position, axis=0, prepend=recording.position[:1]) * RATE
+    command = controller.kp * (ARM_MOTION.position - recording.position) - controller.kd * velocity
+    np.testing.assert_allclose(
+        recording.torque_command, np.clip(command, -arm.limits.torque, arm.limits.torque)
+    )
+
+
+# From outside
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    robot_from(light_arm(0.05, 'range="-3 3"'), tmp_path)
+    design = "excite --model robot.xml --starts 1 --harmonics 3 --base-frequency 0.25 --out T.json"
+    main([*design.split(), "--limit-share", "0.3"])
+    return tmp_path
+
+
+def test_from_the_command_line(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    drive = "simulate --model robot.xml --trajectory T.json --periods 1"
+    capfd.readouterr()
+    main([*drive.split(), "--bandwidth", "2", "--out", "slow.h5"])
+    assert "bandwidth" not in capfd.readouterr().out
+    main([*drive.split(), "--out", "own.h5"])
+    slow, own = read_log(place / "slow.h5").controller, read_log(place / "own.h5").controller
+    assert slow is not None
+    assert own is not None
+    assert slow.kp is not None
+    assert own.kp is not None
+    assert (slow.kp < own.kp / 4).all()
+    capfd.readouterr()
+    said = complaint(f"{drive} --controller model --out none.h5", capfd)
+    assert "a position actuator on every joint" in said
+    said = complaint(f"{drive} --controller pd --bandwidth 0.05 --out none.h5", capfd)
+    assert not (place / "none.h5").exists()
