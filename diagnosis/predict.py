@@ -54,8 +54,8 @@ def predict(directory: Path, log: Path, out: Path, map_path: Path | None = None)
     """Predict the torque along LOG's motion with DIR's corrected model, write it to ``out`` and say so.
 
     ``out`` is a robot-log with LOG's time and motion, the corrected model's torque as joint/torque, and
-    nominal/torque and parameters/torque beside it. LOG's torque is never used. map_path: how a recording that is
-    no robot-log is read. Raises InputError.
+    nominal/torque and parameters/torque beside it. LOG's torque is never used. map_path: how a recording
+    that is no robot-log is read. Raises InputError.
     """
     require_writable(out, log, Path(directory) / DOCUMENT)
     model = read_diagnosed(directory)

@@ -27,6 +27,8 @@ NEAR_A_TURN = 0.5
 # Names that a complaint lists at most.
 LISTED = 8
 FEWEST = 10
+# Hz; lags, presliding and backlash act within hundredths of a second.
+SLOW = 100.0
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,8 @@ class Converted:
 def converted(table: Table, mapping: Mapping, is_slide: Sequence[bool], robot: str = "") -> Converted:
     """The recording that a mapping makes of a table.
 
-    is_slide: n flags, in the order of the mapping's joints. robot: the name that the recording gets where neither
-    mapping nor table has one. Raises InputError naming the table's file.
+    is_slide: n flags, in the order of the mapping's joints. robot: the name that the recording gets where
+    neither mapping nor table has one. Raises InputError naming the table's file.
     """
     columns = {column.name: column for column in table.columns()}
     found = {name: _find(channel.columns, columns, name, table) for name, channel in mapping.channels.items()}
@@ -53,28 +55,32 @@ def converted(table: Table, mapping: Mapping, is_slide: Sequence[bool], robot: s
     values: dict[str, Array | None] = {}
     for quantity, channel in mapping.channels.items():
         taken = _taken(found[quantity], clocks, base, time, rows, quantity in SMOOTH)
-        values[quantity] = _cleaned(taken, quantity, mapping.joints, time, notes)
-        if values[quantity] is not None:
-            values[quantity] = _in_si(values[quantity], quantity, channel, mapping, is_slide)
+        cleaned = _cleaned(taken, quantity, mapping.joints, time, notes)
+        values[quantity] = None if cleaned is None else _in_si(cleaned, quantity, channel, mapping, is_slide)
     _unwrap(values, mapping.joints, is_slide, notes)
-    if values["position"] is None:
-        raise InputError(table.path, "position", "positions", "none")
     torque = values.pop("torque", None)
-    unsigned = tuple(name for name, each in mapping.channels.items() if each.sign == ABSOLUTE and values[name] is not None)
+    unsigned = tuple(
+        name for name, each in mapping.channels.items() if each.sign == ABSOLUTE and values[name] is not None
+    )
+    logged: dict[str, Any] = {name: each for name, each in values.items() if each is not None}
     rate = 1 / float(np.median(np.diff(time)))
+    if rate < SLOW:
+        notes.append(
+            f"{rate:.3g} Hz is too slow for most effects of drives and gears: log at {SLOW:g} Hz or more"
+        )
     recording = Recording(
         robot=mapping.robot or table.robot or robot or table.path.stem,
         joint_names=mapping.joints,
         sample_rate=rate,
         source="hardware",
         time=time,
-        torque=np.full_like(values["position"], np.nan) if torque is None else torque,
+        torque=np.full_like(logged["position"], np.nan) if torque is None else torque,
         controller=_controller(mapping.controller, len(mapping.joints), rate),
         provenance=_provenance(table, clocks[base].start),
         is_slide=tuple(is_slide) if any(is_slide) else (),
         unsigned=unsigned,
         drive=_drive(mapping, values),
-        **{name: each for name, each in values.items() if each is not None},
+        **logged,
     )
     return Converted(recording, tuple(notes))
 
@@ -166,12 +172,12 @@ def _cleaned(
 ) -> Array | None:
     """Values (M, n) with what is NaN between numbers interpolated; None where a joint has none at all."""
     known = np.isfinite(values)
-    without = [joints[joint] for joint in np.flatnonzero(~known.any(axis=0))]
+    without = [joints[joint] for joint in np.flatnonzero(~known.any(axis=0)).tolist()]
     if without:
         of = "" if len(without) == len(joints) else f" of {', '.join(without)}"
         notes.append(f"{quantity}{of} is NaN at every sample: this log has no {quantity}")
         return None
-    for joint in np.flatnonzero(~known.all(axis=0)):
+    for joint in np.flatnonzero(~known.all(axis=0)).tolist():
         own = known[:, joint]
         values[:, joint] = np.interp(time, time[own], values[own, joint])
         notes.append(f"{quantity} of {joints[joint]} is NaN at {int(np.sum(~own))} samples: interpolated")
@@ -215,7 +221,7 @@ def _unwrap(
         table = values.get(quantity)
         if table is None:
             continue
-        for joint in np.flatnonzero(~np.asarray(is_slide)):
+        for joint in np.flatnonzero(~np.asarray(is_slide)).tolist():
             turns = _turns(table[:, joint])
             if turns.any():
                 table[:, joint] -= TURN * turns

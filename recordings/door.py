@@ -42,22 +42,25 @@ class Door:
         self._read: dict[Path, Mapping] = {}
 
     def log(self, path: Path, with_torque: bool = True) -> Opened:
-        """The one run of a file; a robot-log without a mapping as it is. Raises InputError.
+        """The one run of a file; a robot-log as it is, whatever mapping there is for others. Raises
+        InputError.
 
         with_torque: as of ``read_log``.
         """
-        if self._mapping_path(path) is None and reader_of(path).FORMAT is ROBOT_LOG:
+        if reader_of(path).FORMAT is ROBOT_LOG:
             return Opened(path, read_log(path, with_torque=with_torque))
         runs = self.runs(path)
         if len(runs) > 1:
-            expected = f"one run; testbench import {path} --out FOLDER makes a log of each, episode: in a map takes one"
+            expected = f"one run; testbench import {path} --out FOLDER makes a log of each"
             raise InputError(path, "log", expected, f"{len(runs)} runs")
         return runs[0]
 
     def runs(self, path: Path) -> list[Opened]:
         """Every run of a file, by a mapping. Raises InputError."""
-        tables = reader_of(path).read(path)
-        map_path = self._mapping_path(path)
+        reader = reader_of(path)
+        tables = reader.read(path)
+        # What lies beside a robot-log is how it was made.
+        map_path = self._map_path or (None if reader.FORMAT is ROBOT_LOG else map_beside(path))
         if map_path is None:
             return [self._guessed(table) for table in tables]
         if map_path not in self._read:
@@ -67,11 +70,10 @@ class Door:
             episodes = [str(table.episode) for table in tables]
             tables = [table for table in tables if table.episode == mapping.episode]
             if not tables:
-                raise InputError(path, "map: episode", "an episode of the file", mapping.episode, episodes[:12])
+                raise InputError(
+                    path, "map: episode", "an episode of the file", mapping.episode, episodes[:12]
+                )
         return [self._mapped(table, mapping, map_path) for table in tables]
-
-    def _mapping_path(self, path: Path) -> Path | None:
-        return self._map_path or map_beside(path)
 
     def _mapped(self, table: Table, mapping: Mapping, map_path: Path) -> Opened:
         slides = self._slides(mapping, map_path)
@@ -124,14 +126,23 @@ def said(opened: Sequence[Opened], model: Path | None) -> list[str]:
     return lines
 
 
+def in_short(columns: Sequence[str]) -> str:
+    """Columns by the name of their channel, or by the first and the last."""
+    channels = {column.partition("[")[0] for column in columns}
+    if len(channels) == 1 or len(columns) == 1:
+        return min(channels)
+    return f"{columns[0]} … {columns[-1]}"
+
+
 def _guess_lines(each: Opened, model: Path | None) -> list[str]:
     assert each.guess is not None
     mapping = each.guess.mapping
     parts = [f"time {mapping.time.column} in {mapping.time.unit}"]
     for quantity, channel in mapping.channels.items():
-        first, last = channel.columns[0], channel.columns[-1]
-        columns = first if first == last else f"{first} … {last}"
-        units = channel.unit if isinstance(channel.unit, str) else ", ".join(dict.fromkeys(channel.unit or ()))
+        columns = in_short(channel.columns)
+        units = (
+            channel.unit if isinstance(channel.unit, str) else ", ".join(dict.fromkeys(channel.unit or ()))
+        )
         parts.append(f"{quantity} {columns} in {units}")
     left_out = f"; {len(each.guess.left_out)} left out" if each.guess.left_out else ""
     given = f" --model {model}" if model is not None else ""

@@ -12,7 +12,7 @@ from testbench.files import require_writable
 from testbench.log import write_log
 from testbench.robot import load_robot
 
-from .door import Door, Opened
+from .door import Door, Opened, in_short
 from .joints import Joints, joints_of
 from .mapping_file import OF_FOLDER, own_map, write_mapping
 
@@ -43,7 +43,8 @@ def import_files(files: Sequence[Path], model: Path | None, map_path: Path | Non
         require_writable(place, *files)
     guessed = list({id(each.guess): each for each in runs if each.guess is not None}.values())
     for number, each in enumerate(guessed):
-        assert each.guess is not None and each.table is not None
+        assert each.guess is not None
+        assert each.table is not None
         beside = map_out if number == 0 else own_map(places[runs.index(each)])
         require_writable(beside, *files)
         write_mapping(each.guess.mapping, each.guess.reasons, each.guess.left_out, each.table, beside)
@@ -56,7 +57,8 @@ def import_files(files: Sequence[Path], model: Path | None, map_path: Path | Non
         write_log(each.recording, place)
         log = each.recording
         length = log.time[-1] - log.time[0]
-        what = f"{len(log.time)} samples of {len(log.joint_names)} joints, {length:.4g} s at {log.sample_rate:.4g} Hz"
+        samples = f"{len(log.time)} samples of {len(log.joint_names)} joints"
+        what = f"{samples}, {length:.4g} s at {log.sample_rate:.4g} Hz"
         print(f"{place}: {what}{'' if log.has_torque else '; without torque'}")
 
 
@@ -88,9 +90,7 @@ def _show(each: Opened, map_path: Path) -> None:
     grid.add_row("time", Text(mapping.time.column or ""), mapping.time.unit, Text(reasons["time"]))
     for quantity, channel in mapping.channels.items():
         unit = channel.unit if isinstance(channel.unit, str) else ", ".join(channel.unit or ())
-        shown = "\n".join(dict.fromkeys((channel.columns[0], "…", channel.columns[-1])))
-        columns = channel.columns[0] if len(channel.columns) == 1 else shown
-        grid.add_row(quantity, Text(columns), unit, Text(reasons.get(quantity, "")))
+        grid.add_row(quantity, Text(in_short(channel.columns)), unit, Text(reasons.get(quantity, "")))
     console = Console(highlight=False)
     if not console.is_terminal:
         console.width = WIDTH

@@ -14,7 +14,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Joints:
-    """Names and limits of n joints. is_slide: flags. lower, upper, torque: (n,) SI units, inf where not known."""
+    """Names and limits of n joints. is_slide: flags. lower, upper, torque: (n,) SI units, inf where not
+    known.
+    """
 
     names: tuple[str, ...]
     is_slide: tuple[bool, ...]
@@ -26,7 +28,7 @@ class Joints:
     def some(self, chosen: Sequence[int]) -> "Joints":
         """Only the joints of these indices, in their order."""
         at = list(chosen)
-        names, slides = (tuple(each[index] for index in at) for each in (self.names, self.is_slide))
+        names, slides = tuple(self.names[each] for each in at), tuple(self.is_slide[each] for each in at)
         limits = (self.lower[at], self.upper[at], self.torque[at])
         return Joints(names, slides, *limits, self.are_of_model)
 

@@ -1,6 +1,7 @@
 """The mapping file: which columns of a recording are which signal of which joint, and in which unit.
 
-One file serves every recording of the same columns: it is guessed once, corrected, and used for a folder of runs.
+One file serves every recording of the same columns: it is guessed once, corrected, and used for a folder of
+runs.
 """
 
 from pathlib import Path
@@ -15,7 +16,6 @@ from testbench.yaml_file import read_fields
 
 from .units import SI, TIME, UNITS, factor_of, known_unit
 
-FORMAT, VERSION = "recording-map", 1
 QUANTITIES = tuple(UNITS)
 # Signals of a drive, whose sign may be lost.
 MAY_BE_UNSIGNED = ("current", "duty", "voltage")
@@ -31,7 +31,7 @@ class _Section(BaseModel):
 
 
 class TimeSection(_Section):
-    """Where time stamps are: in a column of every stream, or nowhere, and samples are even at ``rate``, Hz."""
+    """Where time stamps are: in a column of every stream, or nowhere: samples are even at ``rate``, Hz."""
 
     column: str | None = None
     unit: str = "s"
@@ -47,10 +47,11 @@ class TimeSection(_Section):
 
 
 class ChannelSection(_Section):
-    """Columns of one quantity, one a joint in the order of ``joints``; numbers are for all joints or one each.
+    """Columns of one quantity, one a joint in the order of ``joints``; numbers are for all joints or one
+    each.
 
-    A value becomes ``sign`` times (value minus ``zero``) times ``unit``, or times ``scale``, what one is in SI
-    units. side: motor for what is measured before the gearbox.
+    A value becomes ``sign`` times (value minus ``zero``) times ``unit``, or times ``scale``: what one is in
+    SI units. side: motor for what is measured before the gearbox.
     """
 
     columns: tuple[str, ...]
@@ -95,12 +96,13 @@ class ControllerSection(_Section):
 class Mapping(_Section):
     """A whole mapping file.
 
-    joints: names, in the order of every list here. channels: by quantity. gear_ratio: turns of the motor for one
-    of the joint. torque_constant: N·m at the motor for 1 A. episode: which run of a file that holds several.
+    joints: names, in the order of every list here. channels: by quantity. gear_ratio: turns of the motor for
+    one of the joint. torque_constant: N·m at the motor for 1 A. episode: which run of a file that holds
+    several.
     """
 
-    format: Literal["recording-map"] = FORMAT
-    format_version: Literal[1] = VERSION
+    format: Literal["recording-map"] = "recording-map"
+    format_version: Literal[1] = 1
     robot: str = ""
     episode: int | None = None
     time: TimeSection
@@ -120,7 +122,16 @@ class Mapping(_Section):
         for quantity, channel in self.channels.items():
             _check_channel(quantity, channel, self)
         for name, section in (("mapping", self), ("drive", self.drive), ("controller", self.controller)):
-            for field in ("gear_ratio", "torque_constant", "torque_per_unit", "back_emf", "spread", "limit", "kp", "kd"):
+            for field in (
+                "gear_ratio",
+                "torque_constant",
+                "torque_per_unit",
+                "back_emf",
+                "spread",
+                "limit",
+                "kp",
+                "kd",
+            ):
                 _check_count(f"{name} {field}", getattr(section, field, None), self)
         return self
 

@@ -43,9 +43,9 @@ def write_mapping(
 def as_yaml(mapping: Mapping, reasons: Map[str, str], left_out: Sequence[str], table: Table) -> str:
     """A mapping's text, with what may be added to it, and why each part was guessed."""
     lines = [
-        f"# How {table.path.name} is read. Guessed: correct what is wrong, and use it with --map for all runs like it.",
+        f"# How {table.path.name} is read. Guessed: correct what is wrong, and use it for all runs like it.",
         "# A value is sign x (value - zero) x unit. Numbers are for all joints, or a list of one each.",
-        "# Instead of a unit: scale, what one is in SI units. side: motor, with gear_ratio, for what is measured there.",
+        "# Instead of a unit: scale, what one is in SI units. side: motor, with gear_ratio, if measured there.",
         "# More: torque_constant (N·m at the motor for 1 A), drive, controller; see docs/import.md.",
         *_entry("format", mapping.format),
         *_entry("format_version", mapping.format_version),
@@ -54,7 +54,9 @@ def as_yaml(mapping: Mapping, reasons: Map[str, str], left_out: Sequence[str], t
         "channels:",
     ]
     for quantity, channel in mapping.channels.items():
-        lines += [f"  {line}" for line in _entry(quantity, _changed(channel), reasons.get(quantity, ""), deep=True)]
+        lines += [
+            f"  {line}" for line in _entry(quantity, _changed(channel), reasons.get(quantity, ""), deep=True)
+        ]
     if left_out:
         lines.append("# Left out:")
         lines += [f"#   {_one_line(each)}" for each in left_out]
@@ -71,7 +73,11 @@ def _entry(key: str, value: Any, reason: str = "", deep: bool = False) -> list[s
     """Lines of one key; of a section a line a field where it is deep."""
     comment = [f"# {_one_line(reason)}"] if reason else []
     if deep:
-        return [*comment, f"{key}:", *(f"  {line}" for name, each in value.items() for line in _entry(name, each))]
+        return [
+            *comment,
+            f"{key}:",
+            *(f"  {line}" for name, each in value.items() for line in _entry(name, each)),
+        ]
     flow = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, width=WIDTH, sort_keys=False)
     # A value that is no collection is a document of its own, which YAML ends.
     first, *rest = flow.removesuffix("...\n").rstrip("\n").split("\n")

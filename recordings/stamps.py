@@ -11,17 +11,20 @@ from .table import Numbers
 
 Array = NDArray[np.float64]
 
-# A message is late by fewer than so many usual steps where publishers interleave; more, and the clock was set.
+# A message is late by fewer than so many usual steps where publishers interleave; more, and the clock was
+# set.
 INTERLEAVED = 20.0
 # Stamps are coarser than the samples where so many of them are another sample's as well.
 COARSE = 0.2
-# Stamps on a coarse clock are of even samples where they stray from even ones by fewer than so many of its ticks.
+# Stamps on a coarse clock are of even samples where they stray from even ones by fewer than so many of its
+# ticks.
 TICKS = 2.0
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """Which rows of a stream are samples, in order, and when. rows: (M,) indices. time: (M,) s, from the first row.
+    """Which rows of a stream are samples, in order, and when. rows: (M,) indices. time: (M,) s, from the
+    first row.
 
     start: the first stamp as the file has it. notes: what was done, in words.
     """
@@ -35,7 +38,8 @@ class Sampled:
 def sampled(stamps: Numbers, seconds: float, values: Numbers, source: object, clock: str) -> Sampled:
     """The samples of a stream by its stamps (N,), one of which is so many seconds.
 
-    values: (N, k) by which repeated samples are known. Raises InputError for a clock that went back, or stood.
+    values: (N, k) by which repeated samples are known. Raises InputError for a clock that went back, or
+    stood.
     """
     rows = np.arange(len(stamps))
     notes = []
@@ -89,7 +93,9 @@ def _distinct(
     if not again.any():
         return rows, time, notes
     if np.mean(again) < COARSE:
-        notes.append(f"{int(again.sum())} samples have the stamp of the one before, but other values: left out")
+        notes.append(
+            f"{int(again.sum())} samples have the stamp of the one before, but other values: left out"
+        )
         return rows[~again], time[~again], notes
     ticks = np.diff(time)
     even = np.linspace(time[0], time[-1], len(time))

@@ -28,7 +28,7 @@ class Channel:
     quantity: str = ""
 
     def columns(self) -> tuple[str, ...]:
-        """The k names that a mapping uses: the channel's, with the label in brackets where there are several."""
+        """The k names that a mapping uses: the channel's, and in brackets the label of each of several."""
         if self.labels:
             return tuple(f"{self.name}[{label}]" for label in self.labels)
         if self.values.shape[1] == 1:

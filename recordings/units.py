@@ -38,15 +38,31 @@ UNITS: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]] = {
 SI = "SI"
 
 _OTHER_SPELLINGS = {
-    "degree": "deg", "degrees": "deg", "degs": "deg", "°": "deg", "radian": "rad", "radians": "rad", "rads": "rad",
-    "turns": "turn", "rev": "turn", "revs": "turn", "revolutions": "turn", "meter": "m", "meters": "m",
-    "milliradians": "mrad", "dps": "deg/s", "rps": "turn/s", "r/min": "rpm", "nmm": "mN·m", "kgcm": "kgf·cm",
-    "kgfcm": "kgf·cm", "kgfm": "kgf·m", "nm": "N·m", "mnm": "mN·m", "ncm": "N·cm", "amp": "A", "amps": "A",
-    "ampere": "A", "milliamps": "mA", "mamp": "mA", "volt": "V", "volts": "V", "percent": "%", "pct": "%",
-    "permille": "‰", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms",
-    "milliseconds": "ms", "us": "µs", "μs": "µs", "usec": "µs", "micros": "µs", "microseconds": "µs", "nsec": "ns",
-    "nanos": "ns", "nanoseconds": "ns", "celsius": "degC", "°c": "degC", "c": "degC", "1": "-",
-}  # fmt: skip
+    "deg": "degree degrees degs °",
+    "rad": "radian radians rads",
+    "turn": "turns rev revs revolutions",
+    "m": "meter meters",
+    "mrad": "milliradians",
+    "deg/s": "dps",
+    "turn/s": "rps",
+    "rpm": "r/min",
+    "mN·m": "nmm mnm",
+    "kgf·cm": "kgcm kgfcm",
+    "kgf·m": "kgfm",
+    "N·m": "nm",
+    "N·cm": "ncm",
+    "A": "amp amps ampere",
+    "mA": "milliamps mamp",
+    "V": "volt volts",
+    "%": "percent pct",
+    "‰": "permille",
+    "s": "sec secs second seconds",
+    "ms": "msec millis milliseconds",
+    "µs": "us μs usec micros microseconds",
+    "ns": "nsec nanos nanoseconds",
+    "degC": "celsius °c c",
+    "-": "1",
+}
 
 
 def _plain(text: str) -> str:
@@ -60,7 +76,9 @@ def _plain(text: str) -> str:
 def _all_spellings() -> dict[str, str]:
     units = {unit for pair in UNITS.values() for each in pair for unit in each} | set(TIME)
     found = {_plain(unit): unit for unit in sorted(units)}
-    for spelling, unit in _OTHER_SPELLINGS.items():
+    for unit, spelling in (
+        (unit, each) for unit, known in _OTHER_SPELLINGS.items() for each in known.split()
+    ):
         found[spelling] = unit
         for end in ("/s", "/s²"):
             if unit + end in units:

@@ -33,8 +33,8 @@ def identify_logs(
 ) -> IdentificationResult:
     """Identify the logs, write DIR/estimate.json and DIR/report.html, print the summary.
 
-    identified_model: MJCF to write with the nearest physically consistent parameters. map_path: how recordings
-    that are no robot-logs are read. Raises InputError.
+    identified_model: MJCF to write with the nearest physically consistent parameters. map_path: how
+    recordings that are no robot-logs are read. Raises InputError.
     """
     paths = [*logs, *validation_logs]
     require_writable(out / "estimate.json")

@@ -59,7 +59,8 @@ class Controller:
     """What drove the robot. kind: pd, pd_with_model_feedforward, position_servo or unknown. rate: Hz.
 
     kp, kd: (n,) N·m/rad and N·m·s/rad, or None. coulomb_smoothing: rad/s, of the feedforward, or None.
-    delay: s, of a servo's reference, or None. A servo's drive: kp (reference(t - delay) - position) - kd velocity.
+    delay: s, of a servo's reference, or None. A servo's drive: kp (reference(t - delay) - position) - kd
+    velocity.
     """
 
     kind: str
@@ -81,7 +82,7 @@ class Recording:
     truth_effects: the unmodelled effects in the simulated robot; JSON-able, part of the truth.
     source: what made the log. provenance: scenario, seed, versions; JSON-able.
     is_slide: n flags, which joints slide; empty: every joint is a hinge.
-    current, duty, voltage: (N, n) or None; A, share of full PWM, V. unsigned: those of them whose sign is lost.
+    current, duty, voltage: (N, n) or None; A, share of full PWM, V. unsigned: those without their sign.
     drive: what is known of the drives, or None.
     """
 

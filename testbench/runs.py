@@ -30,9 +30,9 @@ def read_runs(paths: Sequence[Path], robot: Robot, map_path: Path | None = None)
     lines = said(opened, robot.path)
     recordings = []
     for path, each in zip(paths, opened, strict=True):
-        recording, line = _with_torque(each.recording, path)
+        recording, note = _with_torque(each.recording, path)
         recordings.append(recording)
-        lines += line
+        lines += note
     for path, recording in zip(paths, recordings, strict=True):
         check_motion(recording, robot.chain, robot.limits, path)
         if not recording.torque.any():
@@ -49,7 +49,7 @@ def read_runs(paths: Sequence[Path], robot: Robot, map_path: Path | None = None)
 
 
 def read_motion(path: Path, chain: Chain, limits: Limits, map_path: Path | None = None) -> Recording:
-    """The recording of a log whose torque is not looked at; what was guessed is printed. Raises InputError."""
+    """The recording of a log whose torque is not looked at; a guess is printed. Raises InputError."""
     opened = Door(joints_of(chain, limits), map_path).log(path, with_torque=False)
     for line in said([opened], None):
         print(line)
@@ -65,10 +65,10 @@ def _with_torque(recording: Recording, path: Path) -> tuple[Recording, list[str]
         return recording, []
     drive, current = recording.drive, recording.current
     per_unit = None if drive is None or drive.kind != "current" else drive.torque_per_unit
-    if current is not None and "current" not in recording.unsigned and per_unit is not None:
-        if np.isfinite(per_unit).all():
-            line = f"{path}: no torque was measured: it is the current times the drive's torque_per_unit"
-            return replace(recording, torque=current * per_unit), [line]
+    is_signed = current is not None and "current" not in recording.unsigned
+    if current is not None and is_signed and per_unit is not None and np.isfinite(per_unit).all():
+        line = f"{path}: no torque was measured: it is the current times the drive's torque_per_unit"
+        return replace(recording, torque=current * per_unit), [line]
     expected = "measured torque, or a signed current with its torque constant (torque_constant in a map)"
     raise InputError(path, "joint/torque", expected, _instead(recording))
 

@@ -30,7 +30,9 @@ class Clock:
 
 
 def clock_of(table: Table, stream: Stream) -> Clock:
-    """The clock of a table by one of its streams. Raises InputError where it has none, or one of no known unit."""
+    """The clock of a table by one of its streams. Raises InputError where it has none, or one of no known
+    unit.
+    """
     channel, why = _column(stream)
     if channel is None:
         expected = "a column of time stamps; without one, say time: {rate: ...} in Hz in a map"
@@ -42,7 +44,9 @@ def clock_of(table: Table, stream: Stream) -> Clock:
         return Clock(TimeSection(column=name, unit=stated), f"{why}, in {stated} as stated")
     unit, reason = _unit(values)
     if not unit:
-        expected = f"stamps of samples at {SLOWEST:g} to {FASTEST:g} Hz in s, ms, µs or ns; say the unit in a map"
+        expected = (
+            f"stamps of samples at {SLOWEST:g} to {FASTEST:g} Hz in s, ms, µs or ns; say the unit in a map"
+        )
         raise InputError(table.path, name, expected, reason)
     return Clock(TimeSection(column=name, unit=unit), f"{why}, in {unit}: {reason}")
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from os.path import commonprefix
+from itertools import takewhile
 
 from ..joints import Joints
 from ..table import Channel, Column, Table
@@ -16,7 +16,9 @@ GENERIC = {"joint", "joints", "j", "axis", "motor", "servo", "link", "dof"}
 
 @dataclass(frozen=True)
 class Member:
-    """A column of a group. joint: index of the joint that its name has, or None. number: in its name, or None."""
+    """A column of a group. joint: index of the joint that its name has, or None. number: in its name, or
+    None.
+    """
 
     column: Column
     joint: int | None
@@ -41,14 +43,16 @@ class Group:
         return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
 
     def by_joint(self, count: int) -> tuple[dict[int, Column], str]:
-        """Columns by index of their joint, of so many joints, and why they are theirs; by name or by order."""
+        """Columns by index of their joint, of so many joints, by name or by order, and why."""
         named = {member.joint: member.column for member in self.members if member.joint is not None}
         if named and 2 * len(named) >= min(len(self.members), count):
             return named, "by the joints' names"
         numbers = [member.number for member in self.members]
         members = list(self.members)
         foreign = any(member.column.label for member in members)
-        reason = "their names are none of the model's: in the file's order" if foreign else "in the file's order"
+        reason = (
+            "their names are none of the model's: in the file's order" if foreign else "in the file's order"
+        )
         if all(number is not None for number in numbers):
             members.sort(key=lambda member: member.number or 0)
             reason = f"numbers {members[0].number} to {members[-1].number} in the joints' order"
@@ -77,12 +81,12 @@ def groups_of(table: Table, joints: Joints | None) -> list[Group]:
         units.setdefault(key, column.channel.unit or label.unit or head.unit)
     found = []
     for key, each in members.items():
-        stream, quantity, head_words, label_words = key
-        words = (*head_words, *label_words)
+        stream, quantity, *spoken = key
+        whole = (*spoken[0], *spoken[1])
         why = "so the format says"
         if not quantity:
-            quantity, why = quantity_of(words, parsed(stream).words)
-        found.append(Group(stream, words, units[key], quantity, why, tuple(each)))
+            quantity, why = quantity_of(whole, parsed(stream).words)
+        found.append(Group(stream, whole, units[key], quantity, why, tuple(each)))
     return found
 
 
@@ -95,14 +99,17 @@ def names_in(table: Table) -> tuple[str, ...]:
         return tuple(dict.fromkeys(labels))
     rests: dict[Words, dict[str, None]] = {}
     for group in groups:
-        spoken = [word for word in group.words if quantity_word([word]) or word in REFERENCE_WORDS | MEASURED_WORDS]
+        spoken = [
+            word for word in group.words if quantity_word([word]) or word in REFERENCE_WORDS | MEASURED_WORDS
+        ]
         rest = [word for word in group.words if word not in spoken]
         if quantity_of(spoken)[0] == "position" and rest:
             for member in group.members:
                 number = "" if member.number is None else f"_{member.number}"
                 rests.setdefault(tuple(spoken), {})["_".join(rest) + number] = None
     if rests:
-        return tuple(max(rests.values(), key=len))
+        names = [tuple(each) for each in rests.values()]
+        return max(names, key=len)
     counts = [len(group.members) for group in groups if group.quantity == "position"]
     return tuple(f"joint_{index + 1}" for index in range(max(counts, default=0)))
 
@@ -181,6 +188,10 @@ def _core(own: Words, words: Sequence[Words]) -> Words:
     """A joint's words without those that all joints begin or end with; at least one is left."""
     if len(words) == 1:
         return own
-    first = len(commonprefix(words))
-    last = len(commonprefix([each[::-1] for each in words]))
+    first, last = _shared(words), _shared([each[::-1] for each in words])
     return own[min(first, len(own) - 1) :][: max(len(own) - first - last, 1)]
+
+
+def _shared(words: Sequence[Words]) -> int:
+    """How many words all begin with."""
+    return sum(1 for _ in takewhile(lambda each: len(set(each)) == 1, zip(*words, strict=False)))

@@ -81,7 +81,9 @@ def guess_mapping(table: Table, joints: Joints | None = None) -> Guess:
             left_out.append(f"{group.title}: {found.reason}")
         else:
             channels[quantity], reasons[quantity] = found.channel, f"{why}; {found.reason}"
-    left_out += [f"{group.title}: {group.why or 'another is taken'}" for group in groups if id(group) not in taken]
+    left_out += [
+        f"{group.title}: {group.why or 'another is taken'}" for group in groups if id(group) not in taken
+    ]
     used = {name for each in channels.values() for name in each.columns}
     for group in groups:
         if id(group) in taken:
@@ -100,7 +102,9 @@ def _groups(table: Table, joints: Joints) -> list[Group]:
         for group in groups_of(table, joints)
         if not all(member.column.name in times for member in group.members)
     ]
-    unnamed = all(channel.name.startswith("column ") for stream in table.streams for channel in stream.channels)
+    unnamed = all(
+        channel.name.startswith("column ") for stream in table.streams for channel in stream.channels
+    )
     if unnamed and joints.are_of_model:
         clock = clock_of(table, table.streams[0])
         return unnamed_groups(table, joints, clock.section.column)
@@ -143,7 +147,9 @@ def _position(
     rows, time = samples.rows[known], samples.time[known]
     unit, why = _stated("position", group, joints) or plausible.position_units(raw[rows], joints)
     units = (unit,) * len(columns) if isinstance(unit, str) else unit
-    factors = np.array([factor_of("position", each, slide) for each, slide in zip(units, joints.is_slide, strict=True)])
+    factors = np.array(
+        [factor_of("position", each, slide) for each, slide in zip(units, joints.is_slide, strict=True)]
+    )
     position = raw[rows] * factors
     hinges = ~np.asarray(joints.is_slide)
     position[:, hinges] = np.unwrap(position[:, hinges], axis=0)
@@ -191,16 +197,14 @@ def _channel(
     stated = _stated(quantity, group, joints)
     if quantity == "velocity" and together is not None:
         return _velocity(names, values[together], stated, joints, motion, channels)
-    if stated is None:
-        stated = _likely_unit(quantity, values, together, joints, motion, channels)
-    unit, why = stated
+    unit, why = stated or _likely_unit(quantity, values, together, joints, motion, channels)
     if not unit:
         return _Found(quantity, None, why)
     channel = ChannelSection(columns=names, unit=unit)
-    if quantity in MAY_BE_UNSIGNED and together is not None:
-        if plausible.lost_its_sign(values[together], motion.position):
-            channel = channel.model_copy(update={"sign": ABSOLUTE})
-            why += "; never below zero, so without its sign"
+    may_lack_sign = quantity in MAY_BE_UNSIGNED and together is not None
+    if may_lack_sign and plausible.lost_its_sign(values[together], motion.position):
+        channel = channel.model_copy(update={"sign": ABSOLUTE})
+        why += "; never below zero, so without its sign"
     return _Found(quantity, channel, why)
 
 
@@ -253,7 +257,11 @@ def _velocity(
     """Velocities that are the positions' derivative, or references that were called like them."""
     unit, why = _mixed(joints, "m/s", _speed_unit(values, joints, motion))
     if unit:
-        return _Found("velocity", ChannelSection(columns=names, unit=stated[0] if stated else unit), stated[1] if stated else why)
+        return _Found(
+            "velocity",
+            ChannelSection(columns=names, unit=stated[0] if stated else unit),
+            stated[1] if stated else why,
+        )
     like = channels["position"]
     factor = factor_of("position", like.unit, joints.is_slide[0]) if isinstance(like.unit, str) else None
     if factor is not None and plausible.is_position_again(values, motion.position, factor):

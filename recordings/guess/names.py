@@ -13,25 +13,75 @@ QUANTITY_WORDS = {
     "voltage": {"voltage", "voltages", "volt", "volts"},
     "duty": {"pwm", "duty", "load"},
     "acceleration": {"ddq", "qdd", "acc", "accel", "acceleration", "accelerations", "qacc"},
-    "torque": {"tau", "torque", "torques", "effort", "efforts", "eff", "moment", "trq", "tor", "force", "forces"},
+    "torque": {
+        "tau",
+        "torque",
+        "torques",
+        "effort",
+        "efforts",
+        "eff",
+        "moment",
+        "trq",
+        "tor",
+        "force",
+        "forces",
+    },
     "velocity": {"dq", "qd", "vel", "vels", "velocity", "velocities", "speed", "speeds", "qvel", "dtheta"},
     "position": {"q", "pos", "poss", "position", "positions", "angle", "angles", "theta", "qpos", "state"},
 }
 # Words of what was asked for, and those that may say so beside a quantity alone.
-REFERENCE_WORDS = {
-    "target", "targets", "des", "desired", "ref", "reference", "references", "goal", "goals", "cmd", "command",
-    "commands", "commanded", "setpoint", "setpoints", "sp", "action", "actions", "output", "d",
-}  # fmt: skip
-MEASURED_WORDS = {"actual", "act", "present", "measured", "meas", "feedback", "fb", "state", "observation", "obs"}
+REFERENCE_WORDS = frozenset(
+    """
+    target targets des desired ref reference references goal goals cmd command commands commanded
+    setpoint setpoints sp action actions output d
+    """.split()
+)
+MEASURED_WORDS = {
+    "actual",
+    "act",
+    "present",
+    "measured",
+    "meas",
+    "feedback",
+    "fb",
+    "state",
+    "observation",
+    "obs",
+}
 # Words of what is no signal of a joint's drive.
-OTHER_WORDS = {
-    "error", "err", "errors", "ext", "external", "tcp", "pose", "cartesian", "cart", "imu", "gripper", "finger",
-    "fingers", "wheel", "wheels", "base", "input", "supply", "bus", "main", "robot", "index", "seq", "count", "id",
-    "enable", "enabled", "status", "mode", "flag", "limit", "limits", "dtau", "std", "model", "gravity", "coriolis",
-    "wrench", "elbow_pose", "success", "rate", "joint_control",
-}  # fmt: skip
-TIME_WORDS = {"time", "timestamp", "timestamps", "stamp", "stamps", "t", "ts", "clock", "elapsed", "secs", "sec"}
-BESIDE_TIME = {"header", "field", "ros", "unix", "epoch", "system", "receive", "received", "sample", "log", "robot"}
+OTHER_WORDS = frozenset(
+    """
+    error err errors ext external tcp pose cartesian cart imu gripper finger fingers wheel wheels base
+    input supply bus main robot index seq count id enable enabled status mode flag limit limits dtau std
+    model gravity coriolis wrench elbow_pose success rate joint_control
+    """.split()
+)
+TIME_WORDS = {
+    "time",
+    "timestamp",
+    "timestamps",
+    "stamp",
+    "stamps",
+    "t",
+    "ts",
+    "clock",
+    "elapsed",
+    "secs",
+    "sec",
+}
+BESIDE_TIME = {
+    "header",
+    "field",
+    "ros",
+    "unix",
+    "epoch",
+    "system",
+    "receive",
+    "received",
+    "sample",
+    "log",
+    "robot",
+}
 
 _REFERENCE_QUANTITY = {
     "position": "reference_position",
@@ -42,10 +92,12 @@ _REFERENCE_QUANTITY = {
 _BRACKETS = re.compile(r"\s*[\[({]([^\[\](){}]*)[\])}]\s*$")
 _PARTS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[°µ%]+")
 # Units that a name may end with, without brackets; shorter ones are as likely words.
-_ENDINGS = {
-    "deg", "degs", "degree", "degrees", "rad", "rads", "radians", "mrad", "mm", "ms", "us", "ns", "msec", "usec",
-    "nsec", "sec", "secs", "seconds", "nm", "mnm", "ma", "turns", "revs", "rpm", "percent", "pct", "dps", "rps",
-}  # fmt: skip
+_ENDINGS = frozenset(
+    """
+    deg degs degree degrees rad rads radians mrad mm ms us ns msec usec nsec sec secs seconds nm mnm ma
+    turns revs rpm percent pct dps rps
+    """.split()
+)
 _SECONDS_ENDINGS = {("s",), ("per", "s"), ("per", "sec")}
 
 
@@ -102,7 +154,9 @@ def quantity_of(words: Sequence[str], context: Collection[str] = ()) -> tuple[st
     other = sorted(given & OTHER_WORDS)
     if other:
         return "", f"{other[0]!r} is no signal of a joint's drive"
-    asked = sorted(given & REFERENCE_WORDS) or sorted(set(context) & (REFERENCE_WORDS - {"d", "output", "action"}))
+    asked = sorted(given & REFERENCE_WORDS) or sorted(
+        set(context) & (REFERENCE_WORDS - {"d", "output", "action"})
+    )
     kind = quantity_word([word for word in words if word not in MEASURED_WORDS]) or quantity_word(words)
     if not kind:
         if asked and given <= REFERENCE_WORDS | MEASURED_WORDS | {"joint", "joints"}:

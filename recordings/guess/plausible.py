@@ -49,11 +49,15 @@ def _position_unit(values: Array, joints: Joints, is_slide: bool) -> tuple[str, 
     for unit in candidates:
         factor = UNITS["position"][is_slide][unit]
         if _fits(low * factor, high * factor, lower, upper, LONGEST if is_slide else ENDLESS):
-            within = "within the model's ranges" if np.isfinite(upper - lower).any() else "as far as joints turn"
+            within = (
+                "within the model's ranges" if np.isfinite(upper - lower).any() else "as far as joints turn"
+            )
             if is_slide:
                 within = within.replace("turn", "slide")
             return unit, f"{low.min():.3g} to {high.max():.3g} is {within} in {unit}"
-    return candidates[0], f"{low.min():.3g} to {high.max():.3g} is beyond the model's ranges in any unit: check"
+    return candidates[
+        0
+    ], f"{low.min():.3g} to {high.max():.3g} is beyond the model's ranges in any unit: check"
 
 
 def _fits(low: Array, high: Array, lower: Array, upper: Array, endless: float) -> bool:
@@ -71,7 +75,7 @@ def _fits(low: Array, high: Array, lower: Array, upper: Array, endless: float) -
 
 
 def turns_off(position: Array, joints: Joints) -> Array:
-    """Radians (n,), whole turns, by which positions (N, n) lie beside the model's ranges and else would not."""
+    """Radians (n,), whole turns, by which positions (N, n) lie beside the model's ranges."""
     low, high = (np.nanquantile(position, share, axis=0) for share in (STRAY, 1 - STRAY))
     limited = np.isfinite(joints.lower) & np.isfinite(joints.upper) & ~np.asarray(joints.is_slide)
     lower, upper = (np.where(limited, bound, 0.0) for bound in (joints.lower, joints.upper))
@@ -83,7 +87,7 @@ def turns_off(position: Array, joints: Joints) -> Array:
 
 
 def velocity_unit(values: Array, position: Array, time: Array, is_slide: bool) -> tuple[str, str]:
-    """The unit in which velocities (N, n) are the derivative of positions (N, n), SI; and why, or why none."""
+    """The unit in which velocities (N, n) are the derivative of positions (N, n), SI, and why."""
     every = max(1, len(time) // COMPARED)
     derivative = np.gradient(position, time, axis=0)[::every]
     own = values[::every]
@@ -109,7 +113,9 @@ def is_position_again(values: Array, position: Array, factor: float) -> bool:
     moving = np.flatnonzero(np.ptp(position, axis=0) > MOVES)
     if not len(moving):
         return False
-    return bool(np.median([_correlation(values[:, joint] * factor, position[:, joint]) for joint in moving]) > SAME)
+    return bool(
+        np.median([_correlation(values[:, joint] * factor, position[:, joint]) for joint in moving]) > SAME
+    )
 
 
 def _correlation(one: Array, other: Array) -> float:
@@ -154,5 +160,3 @@ def lost_its_sign(values: Array, position: Array) -> bool:
     both_ways = (np.diff(position, axis=0).min(axis=0) < 0) & (np.diff(position, axis=0).max(axis=0) > 0)
     moves = both_ways & (np.ptp(position, axis=0) > MOVES)
     return bool(moves.any() and np.nanmin(values[:, moves]) >= 0)
-
-

@@ -28,7 +28,9 @@ def unnamed_groups(table: Table, joints: Joints, time: str | None) -> list[Group
     count = len(joints.names)
     if not columns or len(columns) % count:
         expected = f"columns with names, or {count} a quantity (the model's joints) in the order of the model"
-        raise InputError(table.path, "columns", f"{expected}; or a map", f"{len(columns)} columns without names")
+        raise InputError(
+            table.path, "columns", f"{expected}; or a map", f"{len(columns)} columns without names"
+        )
     blocks = [columns[at : at + count] for at in range(0, len(columns), count)]
     values = [np.column_stack([column.values for column in block]).astype(np.float64) for block in blocks]
     found = [_group(blocks[0], "position", "the first columns without a name, in the joints' order")]

@@ -68,8 +68,14 @@ def reader_of(path: Path) -> Reader:
     if path.suffix.lower() in PICKLES:
         expected = "a format that cannot run code: save it as npz, CSV or Parquet"
         raise InputError(path, "log", expected, "a pickle, which is never opened")
-    got = "a folder without a bag" if path.is_dir() else f"a file that none of them is ({path.suffix or 'no suffix'})"
-    raise InputError(path, "log", "a recording", got, [each.FORMAT.description for each in readers().values()])
+    got = (
+        "a folder without a bag"
+        if path.is_dir()
+        else f"a file that none of them is ({path.suffix or 'no suffix'})"
+    )
+    raise InputError(
+        path, "log", "a recording", got, [each.FORMAT.description for each in readers().values()]
+    )
 
 
 def read_tables(path: Path) -> list[Table]:

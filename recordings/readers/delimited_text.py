@@ -31,7 +31,9 @@ JOINT_LIST = "joint_list.txt"
 
 @dataclass(frozen=True)
 class Layout:
-    """How a file is written. separator: empty for any blanks. names: of its columns; skipped: lines before data."""
+    """How a file is written. separator: empty for any blanks. names: of its columns; skipped: lines before
+    data.
+    """
 
     encoding: str
     separator: str
@@ -154,7 +156,9 @@ def _layout(path: Path) -> Layout:
     split = [_split(line, separator) for _, line in data]
     body = split[len(split) // 2]
     comma = separator != "," and sum(bool(DECIMAL_COMMA.fullmatch(cell.strip())) for cell in body) > 0
-    first = next((at for at, cells in enumerate(split) if len(cells) == len(body) and _is_data(cells, comma)), None)
+    first = next(
+        (at for at, cells in enumerate(split) if len(cells) == len(body) and _is_data(cells, comma)), None
+    )
     if first is None:
         raise InputError(path, "log", "lines of numbers", repr(data[0][1][:60]))
     heads = [cells for cells in split[:first] if len(cells) == len(body)]
@@ -203,7 +207,10 @@ def _split(line: str, separator: str) -> list[str]:
 def _is_data(cells: list[str], decimal_comma: bool) -> bool:
     """Whether most cells are numbers or lists: a header has none, text among data is rare."""
     numbers = [_numbers(cell, decimal_comma) for cell in cells]
-    values = sum(found is not None and cell.strip().lower() not in EMPTY for found, cell in zip(numbers, cells, strict=True))
+    values = sum(
+        found is not None and cell.strip().lower() not in EMPTY
+        for found, cell in zip(numbers, cells, strict=True)
+    )
     return values > 0 and 2 * values >= sum(cell.strip() != "" for cell in cells)
 
 

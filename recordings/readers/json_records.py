@@ -30,7 +30,9 @@ def read(path: Path) -> list[Table]:
     try:
         with path.open(encoding="utf-8-sig") as file:
             first = file.readline()
-            records, facts = _lines(path, first, file) if _is_object(first) else _document(first + file.read())
+            records, facts = (
+                _lines(path, first, file) if _is_object(first) else _document(first + file.read())
+            )
     except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(path, "log", "JSON", str(error)) from None
     channels, left_out = _channels(path, records)

@@ -28,7 +28,9 @@ def read(path: Path) -> list[Table]:
                     values = archive[key]
                 except ValueError as error:
                     # numpy says so of what only a pickle could hold.
-                    reason = "an object, which is a pickle and never opened" if "pickle" in str(error) else error
+                    reason = (
+                        "an object, which is a pickle and never opened" if "pickle" in str(error) else error
+                    )
                     left_out.append(f"{key}: {reason}")
                     continue
                 if values.dtype.kind in "US" and values.ndim == 1:

@@ -46,7 +46,9 @@ def read(path: Path) -> list[Table]:
         else:
             channels.append(Channel(name, values, _labels(features.get(name, {}), values.shape[1])))
     if lengths < 2 or not channels:
-        raise InputError(path, "log", "rows of numbers", f"{lengths} rows, columns {', '.join(left_out) or 'none'}")
+        raise InputError(
+            path, "log", "rows of numbers", f"{lengths} rows, columns {', '.join(left_out) or 'none'}"
+        )
     robot = str(info.get("robot_type") or "")
     return [
         Table(
@@ -95,7 +97,7 @@ def _values(pa: Any, column: Any) -> Numbers | None:
 
 
 def _info(path: Path) -> dict[str, Any]:
-    """The data set's description that lies above a file, or nothing. Raises InputError where it is no JSON."""
+    """The data set's description that lies above a file, or nothing. Raises InputError for no JSON."""
     for folder in list(path.absolute().parents)[:DEPTH]:
         if (folder / INFO).is_file():
             content = read_json(folder / INFO)

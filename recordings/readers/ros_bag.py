@@ -1,11 +1,11 @@
 """Bags of ROS 2 (sqlite3 with or without metadata.yaml, MCAP) and of ROS 1, message by message.
 
-Only topics of joint states and of joint controllers' states are read, so that memory holds joints' numbers alone,
-whatever else is in the bag.
+Only topics of joint states and of joint controllers' states are read, so that memory holds joints' numbers
+alone, whatever else is in the bag.
 """
 
 from array import array
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,9 @@ from ..table import Channel, Numbers, Stream, Table, distinct
 from . import Format
 from .ros_messages import MESSAGES, Fields, typestores
 
-FORMAT = Format("ros bag", "ROS bag (.db3, .mcap, .bag, or the folder of one)", (".db3", ".mcap", ".bag"), order=0)
+FORMAT = Format(
+    "ros bag", "ROS bag (.db3, .mcap, .bag, or the folder of one)", (".db3", ".mcap", ".bag"), order=0
+)
 MAGICS = (b"SQLite format 3\0", b"\x89MCAP0\r\n", b"#ROSBAG V2.0")
 METADATA = "metadata.yaml"
 # Messages between two looks at the progress.
@@ -68,7 +70,9 @@ def read(path: Path) -> list[Table]:
     return [_table(path, recorded, others)]
 
 
-def _table(path: Path, recorded: Mapping[tuple[str, tuple[str, ...]], "_Messages"], others: Iterable[Any]) -> Table:
+def _table(
+    path: Path, recorded: Mapping[tuple[str, tuple[str, ...]], "_Messages"], others: Iterable[Any]
+) -> Table:
     names = distinct([topic for topic, _ in recorded])
     streams = [each.stream(name) for name, each in zip(names, recorded.values(), strict=True)]
     left_out = sorted({f"{each.topic}: {each.msgtype}" for each in others})

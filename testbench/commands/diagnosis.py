@@ -9,7 +9,9 @@ from .options import Jobs, Map, Model, ScenarioSeed, Seed, at_least_one
 
 
 def diagnose(
-    logs: Annotated[list[Path], Parameter(help="robot-logs, or recordings", consume_multiple=True, negative=())],
+    logs: Annotated[
+        list[Path], Parameter(help="robot-logs, or recordings", consume_multiple=True, negative=())
+    ],
     /,
     *,
     model: Model,

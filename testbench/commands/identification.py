@@ -86,7 +86,9 @@ def simulate(
 
 
 def identify(
-    logs: Annotated[list[Path], Parameter(help="robot-logs, or recordings, to fit", consume_multiple=True, negative=())],
+    logs: Annotated[
+        list[Path], Parameter(help="robot-logs, or recordings, to fit", consume_multiple=True, negative=())
+    ],
     /,
     *,
     model: Model,
