@@ -15,7 +15,7 @@ from testbench.log import Controller, Recording
 from testbench.sampling import SMOOTH, interpolated
 
 from .mapping import ABSOLUTE, ChannelSection, ControllerSection, DriveSection, Mapping
-from .stamps import Sampled, sampled
+from .stamps import Sampled, later, sampled
 from .table import Column, Numbers, Stream, Table
 from .units import TIME, factor_of, known_unit
 
@@ -76,7 +76,7 @@ def converted(table: Table, mapping: Mapping, is_slide: Sequence[bool], robot: s
         time=time,
         torque=np.full_like(logged["position"], np.nan) if torque is None else torque,
         controller=_controller(mapping.controller, len(mapping.joints), rate),
-        provenance=_provenance(table, clocks[base].start),
+        provenance=_provenance(table, clocks[base]),
         is_slide=tuple(is_slide) if any(is_slide) else (),
         unsigned=unsigned,
         drive=_drive(mapping, values),
@@ -109,7 +109,7 @@ def _clock(stream: Stream, values: Numbers, mapping: Mapping, table: Table) -> S
     if mapping.time.column is None:
         assert mapping.time.rate is not None
         rows = np.arange(stream.samples)
-        return Sampled(rows, rows / mapping.time.rate, 0.0, ())
+        return Sampled(rows, rows / mapping.time.rate, 0, 1.0, ())
     stamps = {name: channel.values[:, 0] for channel in stream.channels for name in channel.columns()[:1]}
     if mapping.time.column not in stamps:
         near = get_close_matches(mapping.time.column, stamps, LISTED, 0.3) or list(stamps)[:LISTED]
@@ -124,9 +124,8 @@ def _time_base(
 ) -> tuple[Array, NDArray[np.int64]]:
     """Instants (M,) s at which all streams are known and positions are, and the base stream's rows there."""
     clock = clocks[base]
-    start = {name: each.start for name, each in clocks.items()}
-    first = max(start[name] + each.time[0] for name, each in clocks.items()) - clock.start
-    last = min(start[name] + each.time[-1] for name, each in clocks.items()) - clock.start
+    first = max(later(each, clock) + each.time[0] for each in clocks.values())
+    last = min(later(each, clock) + each.time[-1] for each in clocks.values())
     inside = (clock.time >= first) & (clock.time <= last)
     own = [column.values[clock.rows] for column in position if column.stream.name == base]
     measured = np.all(np.isfinite(np.column_stack(own).astype(np.float64)), axis=1)
@@ -158,7 +157,7 @@ def _taken(
             taken[:, index] = values[rows]
             continue
         clock = clocks[column.stream.name]
-        own, at = values[clock.rows], clock.time + (clock.start - clocks[base].start)
+        own, at = values[clock.rows], clock.time + later(clock, clocks[base])
         known = np.isfinite(own)
         if np.sum(known) < FEWEST:
             taken[:, index] = np.nan
@@ -263,9 +262,13 @@ def _controller(section: ControllerSection | None, count: int, rate: float) -> C
     return Controller(section.kind, rate, *gains, delay=section.delay)
 
 
-def _provenance(table: Table, start: float) -> dict[str, Any]:
+def _provenance(table: Table, clock: Sampled) -> dict[str, Any]:
     """Where the recording is from; no time of writing, so that one input gives one output."""
-    facts: dict[str, Any] = {"file": table.path.name, "format": table.format, "first_stamp": start}
+    facts: dict[str, Any] = {
+        "file": table.path.name,
+        "format": table.format,
+        "first_stamp": clock.start * clock.seconds,
+    }
     if table.episode is not None:
         facts["episode"] = table.episode
     return facts | {f"recorded_{name}": value for name, value in sorted(table.facts.items())}

@@ -22,7 +22,8 @@ WIDTH = 110
 def import_files(files: Sequence[Path], model: Path | None, map_path: Path | None, out: Path) -> None:
     """Write a robot-log of each run in the files, and the mapping where it was guessed; say how each is read.
 
-    out: a log for one run, a folder for several. Raises InputError; nothing is written then.
+    out: a log for one run, a folder for several. Raises InputError; no log is written then, but where nothing
+    says what the drives did the mapping is, so that it can be completed.
     """
     if not files:
         raise InputError("import", "FILE", "at least one recording", "none")
@@ -49,6 +50,8 @@ def import_files(files: Sequence[Path], model: Path | None, map_path: Path | Non
         require_writable(beside, *files)
         write_mapping(each.guess.mapping, each.guess.reasons, each.guess.left_out, each.table, beside)
         _show(each, beside)
+    for each in runs:
+        _require_drive(each, each.map or map_out)
     for place, each in zip(places, runs, strict=True):
         if each.map is not None:
             print(f"{each.path}: read by {each.map}")
@@ -60,6 +63,15 @@ def import_files(files: Sequence[Path], model: Path | None, map_path: Path | Non
         samples = f"{len(log.time)} samples of {len(log.joint_names)} joints"
         what = f"{samples}, {length:.4g} s at {log.sample_rate:.4g} Hz"
         print(f"{place}: {what}{'' if log.has_torque else '; without torque'}")
+
+
+def _require_drive(each: Opened, map_path: Path) -> None:
+    """Raise InputError, with what to do, for a recording in which nothing says what the drives did."""
+    if not (each.recording.has_torque or each.recording.has_drive):
+        asked = " but reference positions" if each.recording.reference_position is not None else ""
+        gains = f"controller: {{kp: ..., kd: ...}} in {map_path}"
+        expected = f"torque, current, duty or voltage, or a servo's gains ({gains})"
+        raise InputError(each.path, "torque", expected, f"none{asked}")
 
 
 def _runs(files: Sequence[Path], joints: Joints | None, map_path: Path | None) -> list[Opened]:

@@ -45,7 +45,7 @@ def as_yaml(mapping: Mapping, reasons: Map[str, str], left_out: Sequence[str], t
     lines = [
         f"# How {table.path.name} is read. Guessed: correct what is wrong, and use it for all runs like it.",
         "# A value is sign x (value - zero) x unit. Numbers are for all joints, or a list of one each.",
-        "# Instead of a unit: scale, what one is in SI units. side: motor, with gear_ratio, if measured there.",
+        "# Instead of a unit: scale, what one is in SI. side: motor, with gear_ratio, if measured there.",
         "# More: torque_constant (N·m at the motor for 1 A), drive, controller; see docs/import.md.",
         *_entry("format", mapping.format),
         *_entry("format_version", mapping.format_version),

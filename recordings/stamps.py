@@ -26,12 +26,13 @@ class Sampled:
     """Which rows of a stream are samples, in order, and when. rows: (M,) indices. time: (M,) s, from the
     first row.
 
-    start: the first stamp as the file has it. notes: what was done, in words.
+    start: the first stamp, in the file's unit of so many seconds. notes: what was done, in words.
     """
 
     rows: NDArray[np.int64]
     time: Array
-    start: float
+    start: int | float
+    seconds: float
     notes: tuple[str, ...]
 
 
@@ -59,7 +60,13 @@ def sampled(stamps: Numbers, seconds: float, values: Numbers, source: object, cl
         rows, time = rows[order], time[order]
         notes.append(f"{back} time stamps step back by little, as where publishers interleave: sorted")
     rows, time, merged = _distinct(rows, time, values, source, clock)
-    return Sampled(rows, time, float(start) * seconds, (*notes, *merged))
+    return Sampled(rows, time, start.item(), seconds, (*notes, *merged))
+
+
+def later(one: Sampled, other: Sampled) -> float:
+    """Seconds by which the first stamp of one stream is later than that of another."""
+    # Subtracted first: in seconds since 1970 a float would lose digits.
+    return (one.start - other.start) * one.seconds
 
 
 def _require_interleaved(time: Array, rows: NDArray[np.int64], source: object, clock: str) -> None:

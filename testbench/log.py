@@ -24,7 +24,7 @@ from .hdf5 import CheckedFile, decoded, single
 Array = NDArray[np.float64]
 
 FORMAT, VERSION, VERSION_OF_DRIVES = "robot-log", 1, 1.1
-CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "position_servo", "unknown")
+CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "unknown", "position_servo")
 # Median sample interval against sample_rate: clocks of real robots jitter, but not on the whole.
 RATE_TOLERANCE = 0.01
 
@@ -244,7 +244,7 @@ class _Reader(CheckedFile):
     def recording(self, with_truth: bool, with_torque: bool) -> Recording:
         """Everything that the file's version of the format knows; other datasets are left alone."""
         has_drives = self.version == VERSION_OF_DRIVES
-        required = ("position",) if has_drives else REQUIRED
+        required = ("position",) if has_drives and self._says_what_drives_did() else REQUIRED
         channels = {
             channel: self._values(name, hinge, slide)
             for name, channel, hinge, slide in CHANNELS
@@ -279,6 +279,15 @@ class _Reader(CheckedFile):
             drive=read_drive(self) if has_drives else None,
             **channels,
         )
+
+    def _says_what_drives_did(self) -> bool:
+        """Whether something stands in the place of torque."""
+        controller = self.file.get("controller")
+        servo = controller is not None and single(controller.attrs.get("kind")) in (
+            "position_servo",
+            b"position_servo",
+        )
+        return servo or "drive" in self.file or any(f"joint/{name}" in self.file for name in SIGNALS)
 
     def _joint_names(self) -> tuple[str, ...]:
         given = self.attribute(self.file, "joint_names")
@@ -353,13 +362,11 @@ def check_recording(recording: Recording, source: object) -> None:
     shape = (len(recording.time), len(names))
     for name, channel, _, _ in CHANNELS:
         values = getattr(recording, channel)
-        if values is not None and (channel != "torque" or recording.has_torque):
+        is_replaced = channel == "torque" and recording.has_drive and not recording.has_torque
+        if values is not None and not is_replaced:
             _check_values(values, shape, f"{shape}, samples of time by joint_names", name, recording, source)
     if recording.is_slide and len(recording.is_slide) != len(names):
         raise InputError(source, "is_slide", f"{len(names)} flags or none", len(recording.is_slide))
-    if not (recording.has_torque or recording.has_drive):
-        expected = "torque, or current, duty, voltage or a position servo in its place"
-        raise InputError(source, "joint/torque", expected, "none")
     if recording.drive is not None:
         check_drive(recording.drive, names, source)
     controller = recording.controller

@@ -6,7 +6,7 @@ from itertools import takewhile
 
 from ..joints import Joints
 from ..table import Channel, Column, Table
-from .names import MEASURED_WORDS, REFERENCE_WORDS, Name, parsed, quantity_of, quantity_word
+from .names import ALONE_WORDS, MEASURED_WORDS, REFERENCE_WORDS, Name, parsed, quantity_of, quantity_word
 
 Words = tuple[str, ...]
 
@@ -84,10 +84,16 @@ def groups_of(table: Table, joints: Joints | None) -> list[Group]:
         stream, quantity, *spoken = key
         whole = (*spoken[0], *spoken[1])
         why = "so the format says"
-        if not quantity:
+        if not quantity and set(whole) & ALONE_WORDS and not any(map(_has_place, each)):
+            why = "of the robot, not of a joint"
+        elif not quantity:
             quantity, why = quantity_of(whole, parsed(stream).words)
         found.append(Group(stream, whole, units[key], quantity, why, tuple(each)))
     return found
+
+
+def _has_place(member: Member) -> bool:
+    return member.joint is not None or member.number is not None
 
 
 def names_in(table: Table) -> tuple[str, ...]:
@@ -134,10 +140,13 @@ def _placed(
 ) -> tuple[int | None, int | None, tuple[Words, Words]]:
     """Joint and number of a column, and the words of its channel and its label without them."""
     if names is not None:
-        for at, name in enumerate((label, head)):
-            joint, rest = names.found_in(name.words)
-            if joint is not None:
-                return joint, None, ((head.words, rest) if at == 0 else (rest, label.words))
+        joint, _, after = names.found_in(label.words)
+        if joint is not None:
+            # Before a joint's name in a list stands what the list is of.
+            return joint, None, (head.words, after)
+        joint, before, after = names.found_in(head.words)
+        if joint is not None:
+            return joint, None, ((*before, *after), label.words)
     if not column.label and column.channel.values.shape[1] > 1:
         return None, _place(column), (head.words, ())
     source = label if column.label else head
@@ -174,14 +183,14 @@ class _Joints:
             spelled[own] = joint
         self._spelled: Mapping[Words, int | None] = spelled
 
-    def found_in(self, words: Words) -> tuple[int | None, Words]:
-        """The joint whose name is in these words at the greatest length, and the other words."""
+    def found_in(self, words: Words) -> tuple[int | None, Words, Words]:
+        """The joint whose name is in these words at the greatest length, and the words before and after."""
         for length in range(len(words), 0, -1):
             for at in range(len(words) - length + 1):
                 joint = self._spelled.get(words[at : at + length])
                 if joint is not None:
-                    return joint, (*words[:at], *words[at + length :])
-        return None, words
+                    return joint, words[:at], words[at + length :]
+        return None, words, ()
 
 
 def _core(own: Words, words: Sequence[Words]) -> Words:

@@ -6,6 +6,11 @@ from dataclasses import dataclass
 
 from ..units import known_unit
 
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
 # Words by quantity; where a name has several, the first quantity here that has one of them.
 QUANTITY_WORDS = {
     "temperature": {"temp", "temps", "temperature", "temperatures"},
@@ -30,11 +35,11 @@ QUANTITY_WORDS = {
     "position": {"q", "pos", "poss", "position", "positions", "angle", "angles", "theta", "qpos", "state"},
 }
 # Words of what was asked for, and those that may say so beside a quantity alone.
-REFERENCE_WORDS = frozenset(
+REFERENCE_WORDS = _words(
     """
     target targets des desired ref reference references goal goals cmd command commands commanded
     setpoint setpoints sp action actions output d
-    """.split()
+    """
 )
 MEASURED_WORDS = {
     "actual",
@@ -49,13 +54,15 @@ MEASURED_WORDS = {
     "obs",
 }
 # Words of what is no signal of a joint's drive.
-OTHER_WORDS = frozenset(
+OTHER_WORDS = _words(
     """
     error err errors ext external tcp pose cartesian cart imu gripper finger fingers wheel wheels base
-    input supply bus main robot index seq count id enable enabled status mode flag limit limits dtau std
-    model gravity coriolis wrench elbow_pose success rate joint_control
-    """.split()
+    index seq count id enable enabled status mode flag limit limits dtau std
+    model gravity coriolis wrench success rate
+    """
 )
+# Words of what is no joint's where a name has neither a joint nor a number.
+ALONE_WORDS = frozenset({"robot", "main", "input", "supply", "bus"})
 TIME_WORDS = {
     "time",
     "timestamp",
@@ -92,11 +99,11 @@ _REFERENCE_QUANTITY = {
 _BRACKETS = re.compile(r"\s*[\[({]([^\[\](){}]*)[\])}]\s*$")
 _PARTS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[°µ%]+")
 # Units that a name may end with, without brackets; shorter ones are as likely words.
-_ENDINGS = frozenset(
+_ENDINGS = _words(
     """
     deg degs degree degrees rad rads radians mrad mm ms us ns msec usec nsec sec secs seconds nm mnm ma
     turns revs rpm percent pct dps rps
-    """.split()
+    """
 )
 _SECONDS_ENDINGS = {("s",), ("per", "s"), ("per", "sec")}
 

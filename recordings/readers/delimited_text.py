@@ -21,8 +21,11 @@ SEPARATORS = (";", "\t", ",", "|")
 COMMENTS = ("#", "%", "//")
 # Lines that the layout is found from.
 SAMPLE = 50
+# A separator splits this share of them alike.
+MOST = 0.8
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.IGNORECASE)
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+LARGEST = np.iinfo(np.int64).max
 EMPTY = ("", "null", "none", "na", "n/a", "-")
 TRUTHS = {"true": 1.0, "false": 0.0}
 # Names of joints that some recorders write beside the samples.
@@ -109,7 +112,7 @@ class _Cells:
         if self._integers is not None:
             # Time in nanoseconds has more digits than a float keeps.
             whole = cell.strip()
-            if whole.isdecimal() and len(whole) < 19:
+            if whole.isdecimal() and int(whole) <= LARGEST:
                 self._integers.append(int(whole))
             else:
                 self._integers = None
@@ -189,12 +192,13 @@ def _separator(lines: list[str]) -> str:
     later = lines[len(lines) // 2 :]
     best, most = "", 1
     for separator in SEPARATORS:
-        counts = {len(_split(line, separator)) for line in later}
-        if len(counts) == 1 and max(counts) > most:
+        counts = [len(_split(line, separator)) for line in later]
+        usual = max(set(counts), key=counts.count)
+        if counts.count(usual) > MOST * len(counts) and usual > most:
             # Commas within numbers do not separate where something else does.
             if separator == "," and best:
                 continue
-            best, most = separator, max(counts)
+            best, most = separator, usual
     return best
 
 

@@ -85,6 +85,7 @@ def _table(
 def _decoded(bag: Any, type_: str, raw: bytes) -> Fields:
     """A message's fields, by the bag's own definition of its type or one that fits its length."""
     from rosbags.highlevel import AnyReaderError
+    from rosbags.serde import SerdeError
 
     try:
         return MESSAGES[type_](bag.deserialize(raw, type_))
@@ -94,7 +95,7 @@ def _decoded(bag: Any, type_: str, raw: bytes) -> Fields:
     for store in typestores()[1:]:
         try:
             return MESSAGES[type_](store.deserialize_cdr(raw, type_))
-        except (ValueError, KeyError, AnyReaderError):
+        except SerdeError:
             continue
     raise InputError("bag", type_, "a message of a known release", "another layout")
 
