@@ -18,15 +18,14 @@ from .mapping import ABSOLUTE, ChannelSection, ControllerSection, DriveSection, 
 from .stamps import Sampled, later, sampled
 from .table import Column, Numbers, Stream, Table
 from .units import TIME, factor_of, known_unit
+from .wraps import TURN, turns
 
 Array = NDArray[np.float64]
 
-TURN = 2 * np.pi
-# A wrap is a step so near to a turn, rad.
-NEAR_A_TURN = 0.5
 # Names that a complaint lists at most.
 LISTED = 8
 FEWEST = 10
+DIGITS = 9
 # Hz; lags, presliding and backlash act within hundredths of a second.
 SLOW = 100.0
 
@@ -63,7 +62,8 @@ def converted(table: Table, mapping: Mapping, is_slide: Sequence[bool], robot: s
         name for name, each in mapping.channels.items() if each.sign == ABSOLUTE and values[name] is not None
     )
     logged: dict[str, Any] = {name: each for name, each in values.items() if each is not None}
-    rate = 1 / float(np.median(np.diff(time)))
+    # Further digits are those of the stamps.
+    rate = float(f"{1 / float(np.median(np.diff(time))):.{DIGITS}g}")
     if rate < SLOW:
         notes.append(
             f"{rate:.3g} Hz is too slow for most effects of drives and gears: log at {SLOW:g} Hz or more"
@@ -220,22 +220,14 @@ def _unwrap(
         table = values.get(quantity)
         if table is None:
             continue
-        for joint in np.flatnonzero(~np.asarray(is_slide)).tolist():
-            turns = _turns(table[:, joint])
-            if turns.any():
-                table[:, joint] -= TURN * turns
-                notes.append(f"{quantity} of {joints[joint]} jumps by a turn: made continuous")
+        off = np.where(is_slide, 0.0, turns(table))
+        table -= TURN * off
+        for joint in np.flatnonzero(off.any(axis=0)).tolist():
+            notes.append(f"{quantity} of {joints[joint]} jumps by a turn: made continuous")
     position, reference = values["position"], values.get("reference_position")
     if position is not None and reference is not None:
         apart = TURN * np.round(np.median(reference - position, axis=0) / TURN)
         reference -= np.where(is_slide, 0.0, apart)
-
-
-def _turns(position: Array) -> Array:
-    """How many turns to take off each sample (M,) so that none jumps by one."""
-    steps = np.diff(position)
-    turns = np.where(np.abs(np.abs(steps) - TURN) < NEAR_A_TURN, np.sign(steps), 0.0)
-    return np.concatenate([[0.0], np.cumsum(turns)])
 
 
 def _drive(mapping: Mapping, values: Map[str, Array | None]) -> Drive | None:

@@ -57,6 +57,7 @@ def import_files(files: Sequence[Path], model: Path | None, map_path: Path | Non
             print(f"{each.path}: read by {each.map}")
         for note in each.notes:
             print(f"{each.path}: {note}")
+        place.parent.mkdir(parents=True, exist_ok=True)
         write_log(each.recording, place)
         log = each.recording
         length = log.time[-1] - log.time[0]

@@ -106,7 +106,7 @@ def _distinct(
         return rows[~again], time[~again], notes
     ticks = np.diff(time)
     even = np.linspace(time[0], time[-1], len(time))
-    if not np.any(ticks > 0) or np.max(np.abs(even - time)) > TICKS * np.max(ticks):
+    if not np.any(ticks > 0) or np.max(np.abs(even - time)) > TICKS * np.median(ticks[ticks > 0]):
         got = f"{int(again.sum())} of {len(again)} stamps that are those of the sample before"
         raise InputError(source, clock, "a time stamp for each sample", got)
     notes.append("time stamps are coarser than the samples: spread evenly")

@@ -13,6 +13,7 @@ from ..mapping import ABSOLUTE, MAY_BE_UNSIGNED, QUANTITIES, ChannelSection, Map
 from ..stamps import sampled
 from ..table import Column, Stream, Table
 from ..units import SI, TIME, UNITS, factor_of, known_unit
+from ..wraps import unwrapped
 from . import plausible
 from .clock import Clock, clock_of, time_columns
 from .groups import Group, groups_of, names_in
@@ -152,7 +153,7 @@ def _position(
     )
     position = raw[rows] * factors
     hinges = ~np.asarray(joints.is_slide)
-    position[:, hinges] = np.unwrap(position[:, hinges], axis=0)
+    position[:, hinges] = unwrapped(position[:, hinges])
     off = plausible.turns_off(position, joints)
     channel = ChannelSection(columns=tuple(column.name for column in columns), unit=unit)
     if off.any():

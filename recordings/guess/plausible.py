@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ..joints import Joints
 from ..units import TURN, UNITS
+from ..wraps import unwrapped
 
 Array = NDArray[np.float64]
 
@@ -44,11 +45,13 @@ def position_units(values: Array, joints: Joints) -> tuple[str | tuple[str, ...]
 def _position_unit(values: Array, joints: Joints, is_slide: bool) -> tuple[str, str]:
     of = np.asarray(joints.is_slide) == is_slide
     lower, upper = joints.lower[of], joints.upper[of]
-    low, high = (np.nanquantile(values, share, axis=0) for share in (STRAY, 1 - STRAY))
+    known = values[np.isfinite(values).all(axis=1)]
+    low, high = _ends(known)
     candidates = ("m", "mm", "cm") if is_slide else ("rad", "deg")
     for unit in candidates:
-        factor = UNITS["position"][is_slide][unit]
-        if _fits(low * factor, high * factor, lower, upper, LONGEST if is_slide else ENDLESS):
+        own = known * UNITS["position"][is_slide][unit]
+        ends = _ends(own if is_slide else unwrapped(own))
+        if _fits(*ends, lower, upper, LONGEST if is_slide else ENDLESS):
             within = (
                 "within the model's ranges" if np.isfinite(upper - lower).any() else "as far as joints turn"
             )
@@ -58,6 +61,12 @@ def _position_unit(values: Array, joints: Joints, is_slide: bool) -> tuple[str, 
     return candidates[
         0
     ], f"{low.min():.3g} to {high.max():.3g} is beyond the model's ranges in any unit: check"
+
+
+def _ends(values: Array) -> tuple[Array, Array]:
+    """Between which values (n,) nearly all of these (N, n) lie."""
+    low, high = np.nanquantile(values, [STRAY, 1 - STRAY], axis=0)
+    return low, high
 
 
 def _fits(low: Array, high: Array, lower: Array, upper: Array, endless: float) -> bool:
@@ -76,7 +85,7 @@ def _fits(low: Array, high: Array, lower: Array, upper: Array, endless: float) -
 
 def turns_off(position: Array, joints: Joints) -> Array:
     """Radians (n,), whole turns, by which positions (N, n) lie beside the model's ranges."""
-    low, high = (np.nanquantile(position, share, axis=0) for share in (STRAY, 1 - STRAY))
+    low, high = _ends(position)
     limited = np.isfinite(joints.lower) & np.isfinite(joints.upper) & ~np.asarray(joints.is_slide)
     lower, upper = (np.where(limited, bound, 0.0) for bound in (joints.lower, joints.upper))
     margin = BEYOND * (upper - lower)

@@ -25,7 +25,8 @@ SAMPLE = 50
 MOST = 0.8
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.IGNORECASE)
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
-LARGEST = np.iinfo(np.int64).max
+# Whole numbers that are kept as such.
+LARGEST, DIGITS = np.iinfo(np.int64).max, 19
 EMPTY = ("", "null", "none", "na", "n/a", "-")
 TRUTHS = {"true": 1.0, "false": 0.0}
 # Names of joints that some recorders write beside the samples.
@@ -112,7 +113,7 @@ class _Cells:
         if self._integers is not None:
             # Time in nanoseconds has more digits than a float keeps.
             whole = cell.strip()
-            if whole.isdecimal() and int(whole) <= LARGEST:
+            if whole.isdecimal() and len(whole) <= DIGITS and int(whole) <= LARGEST:
                 self._integers.append(int(whole))
             else:
                 self._integers = None
