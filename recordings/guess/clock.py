@@ -17,6 +17,8 @@ from .names import is_time, parsed
 SLOWEST, USUAL, FASTEST = 5.0, 250.0, 20_000.0
 # Seconds since 1970 of the years that recordings are from.
 EPOCH = (1.0e9, 2.5e9)
+# Nine tenths of the steps of a clock that has no name are no longer than so many times a tenth of them.
+EVEN = 1.5
 # A clock goes on in this share of the steps, and has so many different stamps.
 GOES_ON, FEWEST = 0.95, 3
 
@@ -67,7 +69,18 @@ def _column(stream: Stream) -> tuple[Channel | None, str]:
         first = singles[0]
         if _stamps(first.values[:, 0]) == len(first.values):
             return first, "the first column, which increases"
+    increasing = [each for each in singles if _is_even(each.values[:, 0])]
+    if len(increasing) == 1:
+        return increasing[0], "the one column that increases in even steps"
     return None, ""
+
+
+def _is_even(values: Numbers) -> bool:
+    """Whether values (N,) increase throughout in about even steps, and are no row's number."""
+    steps = np.diff(values)
+    if len(steps) < FEWEST or not np.all(steps > 0) or np.all(steps == 1):
+        return False
+    return bool(np.quantile(steps, 0.9) < EVEN * np.quantile(steps, 0.1))
 
 
 def _stamps(values: Numbers) -> int:

@@ -82,17 +82,33 @@ def guess_mapping(table: Table, joints: Joints | None = None) -> Guess:
             left_out.append(f"{group.title}: {found.reason}")
         else:
             channels[quantity], reasons[quantity] = found.channel, f"{why}; {found.reason}"
-    left_out += [
-        f"{group.title}: {group.why or 'another is taken'}" for group in groups if id(group) not in taken
-    ]
-    used = {name for each in channels.values() for name in each.columns}
-    for group in groups:
-        if id(group) in taken:
-            spare = [member.column.name for member in group.members if member.column.name not in used]
-            if spare and len(spare) < len(group.members):
-                left_out.append(f"{', '.join(spare)}: no joint of the model")
+    others = [group for group in groups if id(group) not in taken]
+    left_out += _unused(
+        others, [group for group in groups if id(group) in taken], clock, channels, len(placed)
+    )
     mapping = Mapping(time=clock.section, joints=joints.names, channels=channels)
     return Guess(mapping, reasons, tuple(left_out), joints.is_slide)
+
+
+def _unused(
+    others: Sequence[Group],
+    taken: Sequence[Group],
+    clock: Clock,
+    channels: dict[str, ChannelSection],
+    joints: int,
+) -> list[str]:
+    """The groups that are not taken and why, and the columns of the others that are no joint's."""
+    found = []
+    for group in others:
+        if clock.section.column not in [member.column.name for member in group.members]:
+            fits, unplaced = group.by_joint(joints)
+            found.append(f"{group.title}: {group.why or ('another is taken' if fits else unplaced)}")
+    used = {name for each in channels.values() for name in each.columns}
+    for group in taken:
+        spare = [member.column.name for member in group.members if member.column.name not in used]
+        if 0 < len(spare) < len(group.members):
+            found.append(f"{', '.join(spare)}: no joint of the model")
+    return found
 
 
 def _groups(table: Table, joints: Joints) -> list[Group]:
