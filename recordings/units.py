@@ -61,7 +61,6 @@ _OTHER_SPELLINGS = {
     "µs": "us μs usec micros microseconds",
     "ns": "nsec nanos nanoseconds",
     "degC": "celsius °c c",
-    "-": "1",
 }
 
 

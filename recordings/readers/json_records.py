@@ -15,6 +15,8 @@ from . import Format
 FORMAT = Format("json", "JSON or JSON lines (.json, .jsonl)", (".json", ".jsonl", ".ndjson"), order=2)
 # Lists of samples that a file of one object may keep them in.
 ENTRIES = ("entries", "samples", "data", "records", "frames")
+# Fewer values in a row are no recording.
+FEWEST = 10
 # Deeper than a sample's fields go.
 DEEPEST = 6
 
@@ -137,8 +139,10 @@ def _channels(path: Path, fields: Mapping[str, list[Any]]) -> tuple[tuple[Channe
             left_out.append(f"{name}: not numbers")
         else:
             channels.append(Channel(name, columns))
-    if samples < 2 or not channels:
-        raise InputError(path, "log", "samples as objects of numbers", f"{samples} samples")
+    if samples < FEWEST or not channels:
+        raise InputError(
+            path, "log", "a recording: an object of numbers a sample", "a document of no samples"
+        )
     return tuple(channels), tuple(left_out)
 
 

@@ -10,7 +10,7 @@ import pytest
 from identification.errors import InputError
 from recordings.joints import joints_named
 
-from .runs import JOINTS, Array, Run, assert_read, opened, run
+from .runs import JOINTS, Array, Run, assert_read, numbered, opened, run
 
 ALL = ("velocity", "torque")
 
@@ -161,6 +161,18 @@ def test_names_of_franka_that_count_from_zero(tmp_path: Path) -> None:
         (recording.torque_command, 0.9 * made.torque),
     ):
         np.testing.assert_allclose(values, wanted)
+
+
+def test_numbers_in_brackets_are_joints_and_no_units(tmp_path: Path) -> None:
+    made, order = run(6), [3, 1, 0, 5, 4, 2]
+    blocks = {"state.q": made.position, "state.tau_J": made.torque, "cmd.q": made.reference}
+    header = ["duration", *(f"{name}[{joint}]" for name in blocks for joint in order)]
+    values = np.column_stack([1e3 * made.time, *(block[:, order] for block in blocks.values())])
+    recording = opened(write(tmp_path / "run.csv", header, values), numbered(6)).recording
+    np.testing.assert_allclose(recording.time, made.time, atol=1e-9)
+    np.testing.assert_allclose(recording.position, made.position)
+    np.testing.assert_allclose(recording.torque, made.torque)
+    np.testing.assert_allclose(recording.reference_position, made.reference)
 
 
 def test_lists_in_cells_with_the_joints_named_beside(tmp_path: Path) -> None:
