@@ -29,10 +29,12 @@ def diagnose_logs(
     without: Sequence[str] = (),
     seed: int = 0,
     jobs: int | None = None,
+    map_path: Path | None = None,
 ) -> tuple[Diagnosis, NextExperiment | None]:
     """Diagnose the logs against the model; write everything to ``out``.
 
-    without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. Leaves
+    without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. map_path: how
+    recordings that are no robot-logs are read. Leaves
     corrected.xml, report.html, session.rrd, next_experiment.json where one helps, and diagnosis.json,
     which is written last. Raises InputError.
     """
@@ -41,7 +43,7 @@ def diagnose_logs(
             raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())
     require_writable(out / DOCUMENT)
     robot = load_robot(model)
-    recordings = dict(zip(run_names(logs), read_runs(logs, robot), strict=True))
+    recordings = dict(zip(run_names(logs), read_runs(logs, robot, map_path), strict=True))
     # Simulation and most of a design is outside the interpreter, and looks at nothing of the rest.
     with steps() as progress, ThreadPoolExecutor(1) as aside:
         as_given = aside.submit(gap_as_given, robot, recordings, jobs)

@@ -16,10 +16,10 @@ from identification.models import POSITION_BAND
 from testbench.effects import effect
 from testbench.effects.signature import Logged
 from testbench.files import replacing, require_writable
-from testbench.log import Recording, read_log, write_log
+from testbench.log import Recording, write_log
 from testbench.lost_samples import lost_samples, mended
 from testbench.plausible_log import check_motion
-from testbench.runs import by_path
+from testbench.runs import by_path, read_motion
 from testbench.sampling import motion, on_grid
 from testbench.simulation import Reference
 from testbench.simulation.controller import feedforward
@@ -50,15 +50,16 @@ class PredictedTorque:
     corrected: Array
 
 
-def predict(directory: Path, log: Path, out: Path) -> PredictedTorque:
+def predict(directory: Path, log: Path, out: Path, map_path: Path | None = None) -> PredictedTorque:
     """Predict the torque along LOG's motion with DIR's corrected model, write it to ``out`` and say so.
 
     ``out`` is a robot-log with LOG's time and motion, the corrected model's torque as joint/torque, and
-    nominal/torque and parameters/torque beside it. LOG's torque is never used. Raises InputError.
+    nominal/torque and parameters/torque beside it. LOG's torque is never used. map_path: how a recording
+    that is no robot-log is read. Raises InputError.
     """
     require_writable(out, log, Path(directory) / DOCUMENT)
     model = read_diagnosed(directory)
-    recording = read_log(log, with_torque=False)
+    recording = read_motion(log, model.chain, model.limits, map_path)
     check_motion(recording, model.chain, model.limits, log)
     try:
         predicted = predict_torque(model, recording)

@@ -25,6 +25,7 @@ from .commands import blind, effects, study
 from .commands.comparison import compare, list_names, view
 from .commands.diagnosis import diagnose, loop, predict
 from .commands.identification import excite, identify, run, simulate
+from .commands.recordings import import_recordings
 
 app = App(
     name="testbench",
@@ -37,6 +38,7 @@ app = App(
 
 for command in (run, excite, simulate, identify, diagnose, predict, loop, compare, view):
     app.command(command)
+app.command(import_recordings, name="import")
 app.command(list_names, name="list")
 app.command(effects.app)
 app.command(blind.app)

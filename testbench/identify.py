@@ -29,17 +29,19 @@ def identify_logs(
     out: Path,
     options: IdentificationOptions,
     identified_model: Path | None = None,
+    map_path: Path | None = None,
 ) -> IdentificationResult:
     """Identify the logs, write DIR/estimate.json and DIR/report.html, print the summary.
 
-    identified_model: MJCF to write with the nearest physically consistent parameters. Raises InputError.
+    identified_model: MJCF to write with the nearest physically consistent parameters. map_path: how
+    recordings that are no robot-logs are read. Raises InputError.
     """
     paths = [*logs, *validation_logs]
     require_writable(out / "estimate.json")
     if identified_model is not None:
         require_writable(identified_model, model, *paths)
     robot = load_robot(model)
-    runs = read_runs(paths, robot)
+    runs = read_runs(paths, robot, map_path)
     for path, recording in zip(paths, runs, strict=True):
         _require_long_enough(path, recording, options)
     try:

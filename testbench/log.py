@@ -1,4 +1,7 @@
-"""The robot-log format, version 1: one recorded run in one HDF5 file."""
+"""The robot-log format, versions 1 and 1.1: one recorded run in one HDF5 file.
+
+A log without measured torque is of version 1.1: it says what the drive did instead.
+"""
 
 import json
 import os
@@ -14,13 +17,14 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
+from .drive import SIGNALS, Drive, check_drive, drive_units, is_signed, read_drive
 from .files import replacing, require_file
 from .hdf5 import CheckedFile, decoded, single
 
 Array = NDArray[np.float64]
 
-FORMAT, VERSION = "robot-log", 1
-CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "position_servo", "unknown")
+FORMAT, VERSION, VERSION_OF_DRIVES = "robot-log", 1, 1.1
+CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "unknown", "position_servo")
 # Median sample interval against sample_rate: clocks of real robots jitter, but not on the whole.
 RATE_TOLERANCE = 0.01
 
@@ -34,6 +38,9 @@ CHANNELS = (
     ("reference/position", "reference_position", "rad", "m"),
     ("reference/velocity", "reference_velocity", "rad/s", "m/s"),
     ("reference/acceleration", "reference_acceleration", "rad/s^2", "m/s^2"),
+    ("joint/current", "current", "A", "A"),
+    ("joint/duty", "duty", "-", "-"),
+    ("joint/voltage", "voltage", "V", "V"),
 )
 REQUIRED = ("position", "torque")
 TRUTH_UNITS = {
@@ -52,6 +59,8 @@ class Controller:
     """What drove the robot. kind: pd, pd_with_model_feedforward, position_servo or unknown. rate: Hz.
 
     kp, kd: (n,) N·m/rad and N·m·s/rad, or None. coulomb_smoothing: rad/s, of the feedforward, or None.
+    delay: s, of a servo's reference, or None. A servo's drive: kp (reference(t - delay) - position) - kd
+    velocity.
     """
 
     kind: str
@@ -59,19 +68,22 @@ class Controller:
     kp: Array | None = None
     kd: Array | None = None
     coulomb_smoothing: float | None = None
+    delay: float | None = None
 
 
 @dataclass(frozen=True)
 class Recording:
     """One run as a robot-log holds it. N samples, n joints; SI units at the joint.
 
-    time: (N,) s. position: (N, n) rad (m). torque: (N, n) N·m (N).
+    time: (N,) s. position: (N, n) rad (m). torque: (N, n) N·m (N), NaN throughout where none was measured.
     velocity, torque_command, temperature: (N, n) or None; rad/s, N·m, degC.
     reference_position, reference_velocity, reference_acceleration: (N, n) or None.
     controller: or None. truth: what only a simulation knows, never read by identification.
     truth_effects: the unmodelled effects in the simulated robot; JSON-able, part of the truth.
     source: what made the log. provenance: scenario, seed, versions; JSON-able.
     is_slide: n flags, which joints slide; empty: every joint is a hinge.
+    current, duty, voltage: (N, n) or None; A, share of full PWM, V. unsigned: those without their sign.
+    drive: what is known of the drives, or None.
     """
 
     robot: str
@@ -92,6 +104,22 @@ class Recording:
     truth_effects: list[dict[str, Any]] = field(default_factory=list)
     provenance: dict[str, Any] = field(default_factory=dict)
     is_slide: tuple[bool, ...] = ()
+    current: Array | None = None
+    duty: Array | None = None
+    voltage: Array | None = None
+    unsigned: tuple[str, ...] = ()
+    drive: Drive | None = None
+
+    @property
+    def has_torque(self) -> bool:
+        """Whether torque was measured."""
+        return not bool(np.isnan(self.torque).all())
+
+    @property
+    def has_drive(self) -> bool:
+        """Whether the log says what the drives did by other than torque, as version 1.1 does."""
+        servo = self.controller is not None and self.controller.kind == "position_servo"
+        return servo or self.drive is not None or any(getattr(self, name) is not None for name in SIGNALS)
 
 
 def with_channels(recording: Recording, time: Array, change: Callable[[str, Array], Array]) -> Recording:
@@ -133,7 +161,8 @@ def _write(file: h5py.File, recording: Recording) -> None:
     n = len(recording.joint_names)
     slides = recording.is_slide or (False,) * n
     created = {"created": datetime.now(UTC).isoformat(timespec="seconds")}
-    file.attrs["format"], file.attrs["format_version"] = FORMAT, VERSION
+    file.attrs["format"] = FORMAT
+    file.attrs["format_version"] = VERSION_OF_DRIVES if recording.has_drive else VERSION
     file.attrs["robot"], file.attrs["source"] = recording.robot, recording.source
     file.attrs["joint_names"] = list(recording.joint_names)
     file.attrs["sample_rate"] = float(recording.sample_rate)
@@ -141,14 +170,22 @@ def _write(file: h5py.File, recording: Recording) -> None:
     _put(file, "time", recording.time, "s")
     for name, channel, hinge, slide in CHANNELS:
         values = getattr(recording, channel)
-        if values is not None:
+        if values is not None and (channel != "torque" or recording.has_torque):
             _put(file, name, values, _unit(hinge, slide, slides))
+            if channel in recording.unsigned:
+                file[name].attrs["signed"] = False
+    if recording.drive is not None:
+        group = file.create_group("drive")
+        group.attrs["kind"] = recording.drive.kind
+        for name, values in recording.drive.figures().items():
+            _put(group, name, values, _unit(*drive_units(recording.drive, name), slides))
     if recording.controller is not None:
         controller = recording.controller
         group = file.create_group("controller")
         group.attrs["kind"], group.attrs["rate"] = controller.kind, float(controller.rate)
-        if controller.coulomb_smoothing is not None:
-            group.attrs["coulomb_smoothing"] = float(controller.coulomb_smoothing)
+        for attribute in ("coulomb_smoothing", "delay"):
+            if getattr(controller, attribute) is not None:
+                group.attrs[attribute] = float(getattr(controller, attribute))
         for name, hinge, slide in (("kp", "N·m/rad", "N/m"), ("kd", "N·m·s/rad", "N·s/m")):
             if getattr(controller, name) is not None:
                 _put(group, name, getattr(controller, name), _unit(hinge, slide, slides))
@@ -197,21 +234,26 @@ class _Reader(CheckedFile):
         super().__init__(file, path)
         if self.text(file, "format") != FORMAT:
             raise InputError(path, "format", repr(FORMAT), repr(self.text(file, "format")))
-        version = self.number(file, "format_version", f"the number {VERSION}")
-        if version != VERSION:
-            raise InputError(path, "format_version", f"the number {VERSION}", f"{version:g}")
+        expected = f"the number {VERSION} or {VERSION_OF_DRIVES}"
+        self.version = self.number(file, "format_version", expected)
+        if self.version not in (VERSION, VERSION_OF_DRIVES):
+            raise InputError(path, "format_version", expected, f"{self.version:g}")
         self.joint_names = self._joint_names()
         self.slides = self._slides()
 
     def recording(self, with_truth: bool, with_torque: bool) -> Recording:
-        """Everything that version 1 of the format knows; other datasets are left alone."""
+        """Everything that the file's version of the format knows; other datasets are left alone."""
+        has_drives = self.version == VERSION_OF_DRIVES
+        required = ("position",) if has_drives and self._says_what_drives_did() else REQUIRED
         channels = {
             channel: self._values(name, hinge, slide)
             for name, channel, hinge, slide in CHANNELS
-            if (with_torque or channel != "torque") and (channel in REQUIRED or name in self.file)
+            if (with_torque or channel != "torque")
+            and (has_drives or channel not in SIGNALS)
+            and (channel in required or name in self.file)
         }
-        if not with_torque:
-            channels["torque"] = np.zeros_like(channels["position"])
+        if "torque" not in channels:
+            channels["torque"] = np.full_like(channels["position"], np.nan if with_torque else 0.0)
         truth: dict[str, Array] = {}
         effects: list[dict[str, Any]] = []
         if with_truth and "truth" in self.file:
@@ -231,8 +273,21 @@ class _Reader(CheckedFile):
             truth_effects=effects,
             provenance=self._provenance(),
             is_slide=self.slides if any(self.slides) else (),
+            unsigned=tuple(
+                name for name in SIGNALS if name in channels and not is_signed(self.file[f"joint/{name}"])
+            ),
+            drive=read_drive(self) if has_drives else None,
             **channels,
         )
+
+    def _says_what_drives_did(self) -> bool:
+        """Whether something stands in the place of torque."""
+        controller = self.file.get("controller")
+        servo = controller is not None and single(controller.attrs.get("kind")) in (
+            "position_servo",
+            b"position_servo",
+        )
+        return servo or "drive" in self.file or any(f"joint/{name}" in self.file for name in SIGNALS)
 
     def _joint_names(self) -> tuple[str, ...]:
         given = self.attribute(self.file, "joint_names")
@@ -280,12 +335,13 @@ class _Reader(CheckedFile):
                 gains[name] = self.numbers(f"controller/{name}")
         needs_smoothing = kind == "pd_with_model_feedforward"
         smoothing = self.number(group, "coulomb_smoothing") if needs_smoothing else None
-        # What nothing is known of may have no rate either; it is not used.
-        if kind == "unknown" and "rate" not in group.attrs:
+        delay = self.number(group, "delay") if "delay" in group.attrs else None
+        # What nothing is known of, and a servo of its own, may have no rate either; it is not used.
+        if kind in ("unknown", "position_servo") and "rate" not in group.attrs:
             rate = self.number(self.file, "sample_rate")
         else:
             rate = self.number(group, "rate")
-        return Controller(kind, rate, coulomb_smoothing=smoothing, **gains)
+        return Controller(kind, rate, coulomb_smoothing=smoothing, delay=delay, **gains)
 
     def _provenance(self) -> dict[str, Any]:
         """What the log tells of its making, where that is a JSON object; the format asks for none."""
@@ -306,10 +362,13 @@ def check_recording(recording: Recording, source: object) -> None:
     shape = (len(recording.time), len(names))
     for name, channel, _, _ in CHANNELS:
         values = getattr(recording, channel)
-        if values is not None:
+        is_replaced = channel == "torque" and recording.has_drive and not recording.has_torque
+        if values is not None and not is_replaced:
             _check_values(values, shape, f"{shape}, samples of time by joint_names", name, recording, source)
     if recording.is_slide and len(recording.is_slide) != len(names):
         raise InputError(source, "is_slide", f"{len(names)} flags or none", len(recording.is_slide))
+    if recording.drive is not None:
+        check_drive(recording.drive, names, source)
     controller = recording.controller
     if controller is None:
         return
@@ -318,6 +377,8 @@ def check_recording(recording: Recording, source: object) -> None:
     for name, value in (("rate", controller.rate), ("coulomb_smoothing", controller.coulomb_smoothing)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(source, f"controller {name}", "a positive number", value)
+    if controller.delay is not None and not 0 <= controller.delay < np.inf:
+        raise InputError(source, "controller delay", "a number of seconds from 0 on", controller.delay)
     for name, gains in (("kp", controller.kp), ("kd", controller.kd)):
         if gains is not None:
             _check_values(

@@ -1,25 +1,38 @@
-"""The logs that one job is given: each the robot's, with torque in it, and no run twice."""
+"""The logs that one job is given, in any format: each the robot's, with torque in it, and no run twice."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from identification.chain import Chain
 from identification.errors import InputError
+from recordings.door import Door, said
+from recordings.joints import joints_of
 
-from .log import Recording, read_log
+from .drive import SIGNALS
+from .log import Recording
 from .plausible_log import check_motion, check_torque
-from .robot import Robot
+from .robot import Limits, Robot
 
 
-def read_runs(paths: Sequence[Path], robot: Robot) -> list[Recording]:
-    """The recordings of these logs, in their order.
+def read_runs(paths: Sequence[Path], robot: Robot, map_path: Path | None = None) -> list[Recording]:
+    """The recordings of these logs, in their order; what was guessed of other formats is printed.
 
+    map_path: how recordings that are no robot-logs are read; else a map beside them, or a guess.
     Raises InputError for a log whose joints are not the robot's, for what no robot does (see
     plausible_log.py), for torques that are all zero, and for a run that is given twice, be it under another
     name: no run may speak for itself as one that was left out.
     """
-    recordings = [read_log(path) for path in paths]
+    door = Door(joints_of(robot.chain, robot.limits), map_path)
+    opened = [door.log(path) for path in paths]
+    lines = said(opened, robot.path)
+    recordings = []
+    for path, each in zip(paths, opened, strict=True):
+        recording, note = _with_torque(each.recording, path)
+        recordings.append(recording)
+        lines += note
     for path, recording in zip(paths, recordings, strict=True):
         check_motion(recording, robot.chain, robot.limits, path)
         if not recording.torque.any():
@@ -30,7 +43,48 @@ def read_runs(paths: Sequence[Path], robot: Robot) -> list[Recording]:
         for earlier in range(later):
             if _is_same(recordings[earlier], recordings[later]):
                 raise InputError(path, "log", "each run once", f"the run of {paths[earlier]} again")
+    for line in lines:
+        print(line)
     return recordings
+
+
+def read_motion(path: Path, chain: Chain, limits: Limits, map_path: Path | None = None) -> Recording:
+    """The recording of a log whose torque is not looked at; a guess is printed. Raises InputError."""
+    opened = Door(joints_of(chain, limits), map_path).log(path, with_torque=False)
+    for line in said([opened], None):
+        print(line)
+    return opened.recording
+
+
+def _with_torque(recording: Recording, path: Path) -> tuple[Recording, list[str]]:
+    """The recording with torque, of its current where none was measured, and a line that says so.
+
+    Raises InputError, saying what is missing, where there is neither.
+    """
+    if recording.has_torque:
+        return recording, []
+    drive, current = recording.drive, recording.current
+    per_unit = None if drive is None or drive.kind != "current" else drive.torque_per_unit
+    is_signed = current is not None and "current" not in recording.unsigned
+    if current is not None and is_signed and per_unit is not None and np.isfinite(per_unit).all():
+        line = f"{path}: no torque was measured: it is the current times the drive's torque_per_unit"
+        return replace(recording, torque=current * per_unit), [line]
+    expected = "measured torque, or a signed current with its torque constant (torque_constant in a map)"
+    raise InputError(path, "joint/torque", expected, _instead(recording))
+
+
+def _instead(recording: Recording) -> str:
+    """What a log without torque has in its place, in words."""
+    found = [
+        f"{name}{' without its sign' if name in recording.unsigned else ''}"
+        for name in SIGNALS
+        if getattr(recording, name) is not None
+    ]
+    if recording.current is not None and "current" not in recording.unsigned:
+        found.append("no torque constant of every joint")
+    if recording.reference_position is not None:
+        found.append("reference positions")
+    return "none, but " + ", ".join(found) if found else "none"
 
 
 def run_names(paths: Sequence[Path]) -> list[str]:

@@ -27,21 +27,21 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def read_fields(path: Path) -> dict[str, Any]:
-    """The fields of a YAML file, none of which is true or false.
+def read_fields(path: Path, what: str = "scenario") -> dict[str, Any]:
+    """The fields of a YAML file, none of which is true or false. what: the file is, for complaints.
 
     Raises InputError for anything but a mapping, for a key that is said twice, and for true and false: they
     would count as 1 and 0.
     """
-    require_file(path, "scenario", "an existing YAML file")
+    require_file(path, what, "an existing YAML file")
     try:
         content = yaml.load(path.read_text(encoding="utf-8"), _Loader)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(path, "scenario", "YAML", " ".join(str(error).split())) from None
+        raise InputError(path, what, "YAML", " ".join(str(error).split())) from None
     except InputError as error:
         raise error.located(path) from None
     if not isinstance(content, dict):
-        raise InputError(path, "scenario", "a mapping of fields", type(content).__name__)
+        raise InputError(path, what, "a mapping of fields", type(content).__name__)
     _refuse_booleans(path, "", content)
     return content
 

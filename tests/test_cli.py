@@ -210,7 +210,7 @@ BAD_VALUES = [
         ["joint_elasticity stiffness", "0.001 to inf N·m/rad", "got 0"],
     ),
     ("identify --model arm.xml none.h5 --out d", ["none.h5: log", "no such file"]),
-    ("identify --model arm.xml T.json --out d", ["T.json: log", "an HDF5 file"]),
+    ("identify --model arm.xml T.json --out d", ["T.json: log", "an object of numbers a sample"]),
     ("identify --model arm.xml fit.h5 --out d --estimator best", ["estimator", "'best'", "wls"]),
     (
         "identify --model arm.xml fit.h5 --out d --differentiation best",

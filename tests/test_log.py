@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from identification.errors import InputError
+from testbench.drive import Drive
 from testbench.log import Controller, Recording, check_joints, read_log, write_log
 
 REAL_LOGS = sorted((Path(__file__).parents[2] / "shared" / "data").glob("*/*.h5"))
@@ -165,6 +166,69 @@ def put(index: object, value: float) -> Callable[[np.ndarray], np.ndarray]:
         return array
 
     return change
+
+
+def driven() -> Recording:
+    """A run without torque: a servo's, with its duty and an unsigned current."""
+    random = np.random.default_rng(1)
+    shape = (SAMPLES, JOINTS)
+    drive = Drive("duty", torque_per_unit=np.array([2.0, np.nan, 3.0]), spread=np.full(JOINTS, 0.2))
+    return replace(
+        recording(),
+        torque=np.full(shape, np.nan),
+        duty=random.uniform(-1, 1, shape),
+        current=random.uniform(0, 1, shape),
+        unsigned=("current",),
+        drive=drive,
+        controller=Controller("position_servo", 250.0, np.ones(JOINTS), np.zeros(JOINTS), delay=0.004),
+    )
+
+
+def test_a_log_without_torque_says_what_the_drives_did(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    write_log(driven(), path)
+    found = read_log(path)
+    assert not found.has_torque
+    for name in ("duty", "current", "position"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(driven(), name))
+    assert (found.voltage, found.unsigned) == (None, ("current",))
+    assert found.drive is not None
+    assert found.drive.kind == "duty"
+    np.testing.assert_array_equal(found.drive.torque_per_unit, [2.0, np.nan, 3.0])
+    np.testing.assert_array_equal(found.drive.spread, [0.2, 0.2, 0.2])
+    assert found.drive.limit is None
+    assert equal(found.controller, driven().controller)
+    with h5py.File(path) as file:
+        assert file.attrs["format_version"] == 1.1
+        assert "joint/torque" not in file
+
+
+def test_a_log_with_torque_alone_stays_of_version_1(tmp_path: Path) -> None:
+    write_log(recording(), tmp_path / "run.h5")
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert file.attrs["format_version"] == 1
+        assert file.attrs["format_version"].dtype.kind == "i"
+
+
+BROKEN_DRIVES = [
+    (attribute("kind", "belt", "drive"), ["drive kind", "'belt'", "duty"]),
+    (values("drive/spread", put(1, -0.1)), ["drive/spread", "-0.1 at b"]),
+    (values("drive/torque_per_unit", lambda array: array[:2]), ["drive/torque_per_unit", "(3,)", "(2,)"]),
+    (attribute("delay", -1.0, "controller"), ["controller delay", "from 0 on"]),
+    (attribute("format_version", 1), ["joint/torque", "a dataset"]),
+]
+
+
+@pytest.mark.parametrize(("damage", "says"), BROKEN_DRIVES)
+def test_a_broken_rule_of_drives_is_named(
+    tmp_path: Path, damage: Callable[[h5py.File], None], says: list[str]
+) -> None:
+    write_log(driven(), tmp_path / "broken.h5")
+    with h5py.File(tmp_path / "broken.h5", "a") as file:
+        damage(file)
+    with pytest.raises(InputError) as error:
+        read_log(tmp_path / "broken.h5")
+    assert [part for part in says if part not in str(error.value)] == []
 
 
 BROKEN = [

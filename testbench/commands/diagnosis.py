@@ -5,11 +5,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Jobs, Model, ScenarioSeed, Seed, at_least_one
+from .options import Jobs, Map, Model, ScenarioSeed, Seed, at_least_one
 
 
 def diagnose(
-    logs: Annotated[list[Path], Parameter(help="robot-log files", consume_multiple=True, negative=())],
+    logs: Annotated[
+        list[Path], Parameter(help="robot-logs, or recordings", consume_multiple=True, negative=())
+    ],
     /,
     *,
     model: Model,
@@ -23,13 +25,14 @@ def diagnose(
             validator=at_least_one("--without"),
         ),
     ] = None,
+    map: Map = None,
     seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
     """Say why simulator and robot differ: where, which effect, how far it shrinks, what to do next."""
     from diagnosis.job import diagnose_logs
 
-    told = diagnose_logs(model, logs, out, without or (), seed, jobs)
+    told = diagnose_logs(model, logs, out, without or (), seed, jobs, map)
     # It is imported by then, behind the closed loop.
     from diagnosis.report import print_summary
 
@@ -37,16 +40,17 @@ def diagnose(
 
 
 def predict(
-    log: Annotated[Path, Parameter(help="robot-log whose motion to predict along")],
+    log: Annotated[Path, Parameter(help="robot-log, or recording, whose motion to predict along")],
     /,
     *,
     diagnosis: Annotated[Path, Parameter(help="folder that diagnose has written")],
     out: Annotated[Path, Parameter(help="HDF5 to write")],
+    map: Map = None,
 ) -> None:
     """Predict the torque along a log's motion by the corrected model; the log's torque is not read."""
     from diagnosis.predict import predict as predict_torque
 
-    predict_torque(diagnosis, log, out)
+    predict_torque(diagnosis, log, out, map)
 
 
 def loop(

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Jobs, Model, ScenarioSeed, Seed, at_least, at_least_one
+from .options import Jobs, Map, Model, ScenarioSeed, Seed, at_least, at_least_one
 
 
 def run(
@@ -87,7 +87,9 @@ def simulate(
 
 
 def identify(
-    logs: Annotated[list[Path], Parameter(help="robot-log files to fit", consume_multiple=True, negative=())],
+    logs: Annotated[
+        list[Path], Parameter(help="robot-logs, or recordings, to fit", consume_multiple=True, negative=())
+    ],
     /,
     *,
     model: Model,
@@ -117,6 +119,7 @@ def identify(
     ] = None,
     cutoff: Annotated[float, Parameter(help="Hz, low-pass on torque and regressor")] = 20.0,
     dead_zone: Annotated[float, Parameter(help="rad/s; slower samples do not count")] = 0.02,
+    map: Map = None,
     write_model: Annotated[
         Path | None, Parameter(help="MJCF to write: the model as identified, physically consistent")
     ] = None,
@@ -138,4 +141,4 @@ def identify(
     groups = tuple(GROUPS) if parameters is None else tuple(parameters)
     preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
     options = IdentificationOptions(estimator, groups, preprocessing)
-    identify_logs(model, logs, validate or [], out, options, write_model)
+    identify_logs(model, logs, validate or [], out, options, write_model, map)

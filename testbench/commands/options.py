@@ -42,4 +42,8 @@ Seed = Annotated[
 ScenarioSeed = Annotated[
     int | None, Parameter(help="instead of the scenario's", validator=at_least(0, "--seed"))
 ]
+Map = Annotated[
+    Path | None,
+    Parameter(help="mapping YAML of recordings that are no robot-logs; guessed when not given", name="--map"),
+]
 Model = Annotated[Path, Parameter(help="MJCF, or a URDF that MuJoCo reads")]

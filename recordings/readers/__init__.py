@@ -1,0 +1,83 @@
+"""Readers of recordings: one format a file, found by import.
+
+A reader's file has ``FORMAT`` and two functions: ``recognises`` (whether a file is of the format) and
+``read`` (its runs as tables). A format's own library is imported when a file of it is read.
+"""
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Protocol, cast
+
+from identification.errors import InputError
+from testbench.files import require_file
+
+from ..table import Table
+
+# Bytes that a reader is shown of a file to recognise it by.
+HEAD = 4096
+PICKLES = (".pkl", ".pickle", ".joblib", ".pt", ".pth")
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of recordings. suffixes: of its files' names. order: readers that take less ask first."""
+
+    name: str
+    description: str
+    suffixes: tuple[str, ...]
+    order: int = 1
+
+
+class Reader(Protocol):
+    """What a reader's file offers."""
+
+    FORMAT: Format
+
+    def recognises(self, path: Path, head: bytes) -> bool:
+        """Whether a file, or folder, is of this format. head: its first bytes, none of a folder."""
+        ...
+
+    def read(self, path: Path) -> list[Table]:
+        """The runs in a file. Raises InputError."""
+        ...
+
+
+@cache
+def readers() -> Mapping[str, Reader]:
+    """Every reader by name, in the order in which they are asked."""
+    names = sorted(module.name for module in pkgutil.iter_modules(__path__))
+    modules = [importlib.import_module(f".{name}", __name__) for name in names]
+    found = [cast(Reader, module) for module in modules if hasattr(module, "FORMAT")]
+    return {each.FORMAT.name: each for each in sorted(found, key=lambda each: each.FORMAT.order)}
+
+
+def reader_of(path: Path) -> Reader:
+    """The reader of a file, or of a bag's folder. Raises InputError where none knows it."""
+    head = b""
+    if not path.is_dir():
+        require_file(path, "log", "an existing recording")
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    for each in readers().values():
+        if each.recognises(path, head):
+            return each
+    if path.suffix.lower() in PICKLES:
+        expected = "a format that cannot run code: save it as npz, CSV or Parquet"
+        raise InputError(path, "log", expected, "a pickle, which is never opened")
+    got = (
+        "a folder without a bag"
+        if path.is_dir()
+        else f"a file that none of them is ({path.suffix or 'no suffix'})"
+    )
+    raise InputError(
+        path, "log", "a recording", got, [each.FORMAT.description for each in readers().values()]
+    )
+
+
+def read_tables(path: Path) -> list[Table]:
+    """The runs in a file as tables, at least one. Raises InputError."""
+    return reader_of(Path(path)).read(Path(path))
