@@ -1,6 +1,5 @@
 """Torque along a measured motion, by the corrected model and by those before it."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from identification.differentiation import differentiate
 from identification.errors import InputError
 from identification.filtering import zero_phase_lowpass
 from identification.models import POSITION_BAND
+from testbench.containment.json_text import read_bounded_json
 from testbench.effects import effect
 from testbench.effects.signature import Logged
 from testbench.files import replacing, require_writable
@@ -92,10 +92,7 @@ def read_diagnosed(directory: Path) -> Corrected:
     path = Path(directory) / DOCUMENT
     if not path.is_file():
         raise InputError(directory, DOCUMENT, "a folder that diagnose has written", "no such file")
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(path, "diagnosis", "JSON", str(error)) from None
+    document = read_bounded_json(path, "diagnosis")
     if not isinstance(document, dict) or document.get("format") != "gap-diagnosis":
         raise InputError(path, "format", "gap-diagnosis", "something else")
     return read_correction(document.get("correction"), path)

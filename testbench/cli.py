@@ -25,6 +25,7 @@ from .commands import blind, effects
 from .commands.comparison import compare, list_names, view
 from .commands.diagnosis import diagnose, loop, predict
 from .commands.identification import excite, identify, run, simulate
+from .containment.child import begin
 
 app = App(
     name="testbench",
@@ -46,6 +47,8 @@ app.command(blind.app)
 OBJECTS_PER_SEARCH = 50_000
 atexit.register(gc.freeze)
 
+# What reads no logs and no models.
+WITHOUT_FILES, HELP = {"list", "view", "--version"}, {"--help", "-h"}
 # What an option wants that is not a word.
 NUMBERS: dict[type | None, str] = {int: "a whole number", float: "a number"}
 
@@ -55,6 +58,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     gc.set_threshold(OBJECTS_PER_SEARCH)
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     try:
+        if tokens and tokens[0] not in WITHOUT_FILES and not HELP & set(tokens):
+            # It starts while this process imports what the command needs.
+            begin()
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         _complain(str(_usage(error)))

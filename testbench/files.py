@@ -10,6 +10,8 @@ from typing import Any
 
 from identification.errors import InputError
 
+from .containment.json_text import read_bounded_json
+
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
@@ -71,10 +73,7 @@ def require_file(path: Path, field: str, expected: str) -> None:
 def read_json(path: Path) -> Any:
     """A JSON file's content. Raises InputError when it is none."""
     require_file(path, "file", "an existing JSON file")
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(path, "content", "JSON", str(error)) from None
+    return read_bounded_json(path)
 
 
 def write_json(document: Any, path: Path) -> None:

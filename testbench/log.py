@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
+from .containment.child import contained
 from .files import replacing, require_file
-from .hdf5 import CheckedFile, decoded, single
+from .hdf5 import CheckedFile, opened
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,8 @@ FORMAT, VERSION = "robot-log", 1
 CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "unknown")
 # Median sample interval against sample_rate: clocks of real robots jitter, but not on the whole.
 RATE_TOLERANCE = 0.01
+# A log is put on a grid, gaps and all, which may be so many times as long as its samples.
+MOST_GAPS = 100
 
 # Dataset, Recording field, unit on a hinge, unit on a slide joint; all (N, n).
 CHANNELS = (
@@ -180,11 +183,17 @@ def read_log(path: str | Path, with_truth: bool = False, with_torque: bool = Tru
     """
     path = Path(path)
     require_file(path, "log", "an existing robot-log file")
-    try:
-        file = h5py.File(path, "r")
-    except OSError:
-        raise InputError(path, "log", "an HDF5 file", "something else, or a damaged file") from None
-    with file:
+    size = path.stat().st_size
+    expected = "an HDF5 file that is not damaged"
+    recording = contained("testbench.log:_read", path, "log", expected, with_truth, with_torque, size=size)
+    assert isinstance(recording, Recording)
+    return recording
+
+
+def _read(name: str, with_truth: bool, with_torque: bool) -> Recording:
+    """The recording in a file, read in this process."""
+    path = Path(name)
+    with opened(path) as file:
         recording = _Reader(file, path).recording(with_truth, with_torque)
     check_recording(recording, path)
     return recording
@@ -208,25 +217,24 @@ class _Reader(CheckedFile):
         channels = {
             channel: self._values(name, hinge, slide)
             for name, channel, hinge, slide in CHANNELS
-            if (with_torque or channel != "torque") and (channel in REQUIRED or name in self.file)
+            if (with_torque or channel != "torque") and (channel in REQUIRED or self.has(name))
         }
         if not with_torque:
             channels["torque"] = np.zeros_like(channels["position"])
         truth: dict[str, Array] = {}
         effects: list[dict[str, Any]] = []
-        if with_truth and "truth" in self.file:
-            group = self.file["truth"]
-            effects = json.loads(group.attrs.get("effects", "[]"))
-            truth = {
-                name: self.numbers(f"truth/{name}") for name in group if isinstance(group[name], h5py.Dataset)
-            }
+        if with_truth and self.has("truth"):
+            group = self.group("truth")
+            effects = json.loads(self.text(group, "effects")) if "effects" in group.attrs else []
+            own = {name: f"truth/{name}" for name in group}
+            truth = {name: self.numbers(place) for name, place in own.items() if self.is_dataset(place)}
         return Recording(
             robot=self.text(self.file, "robot"),
             joint_names=self.joint_names,
             sample_rate=self.number(self.file, "sample_rate"),
             source=self.text(self.file, "source"),
             time=self._values("time", "s", "s"),
-            controller=self._controller() if "controller" in self.file else None,
+            controller=self._controller() if self.has("controller") else None,
             truth=truth,
             truth_effects=effects,
             provenance=self._provenance(),
@@ -239,11 +247,13 @@ class _Reader(CheckedFile):
         names = np.atleast_1d(given)
         if names.ndim != 1 or not all(isinstance(name, (str, bytes)) for name in names.tolist()):
             raise InputError(self.path, "joint_names", "a list of strings", names.tolist())
+        if not len(names):
+            raise InputError(self.path, "joint_names", "a list of strings, one a joint", "an empty list")
         joints = self.dataset("joint/position").shape
         if np.ndim(given) == 0 and joints is not None and joints[1:] not in ((), (1,)):
-            got = f"one string, {decoded(given)!r}"
+            got = f"one string, {self.decoded(names[0], 'joint_names')!r}"
             raise InputError(self.path, "joint_names", f"a list of {joints[1]} strings, one a joint", got)
-        return tuple(decoded(name) for name in names.tolist())
+        return tuple(self.decoded(name, "joint_names") for name in names.tolist())
 
     def _slides(self) -> tuple[bool, ...]:
         """Which joints slide, from the units of their positions; one unit stands for all joints."""
@@ -267,15 +277,13 @@ class _Reader(CheckedFile):
         return values
 
     def _controller(self) -> Controller:
-        group = self.file["controller"]
-        if not isinstance(group, h5py.Group):
-            raise InputError(self.path, "controller", "a group", "a dataset")
+        group = self.group("controller")
         kind = self.text(group, "kind")
         if kind not in CONTROLLER_KINDS:
             raise InputError(self.path, "controller kind", "a controller", repr(kind), CONTROLLER_KINDS)
         gains: dict[str, Array] = {}
         for name in ("kp", "kd"):
-            if kind != "unknown" or name in group:
+            if kind != "unknown" or self.has(f"controller/{name}"):
                 # The format spells no unit of theirs.
                 gains[name] = self.numbers(f"controller/{name}")
         needs_smoothing = kind == "pd_with_model_feedforward"
@@ -289,10 +297,12 @@ class _Reader(CheckedFile):
 
     def _provenance(self) -> dict[str, Any]:
         """What the log tells of its making, where that is a JSON object; the format asks for none."""
-        given = single(self.file.attrs.get("provenance", ""))
+        if "provenance" not in self.file.attrs:
+            return {}
         try:
-            provenance = json.loads(decoded(given)) if isinstance(given, (str, bytes)) else None
-        except json.JSONDecodeError:
+            provenance = json.loads(self.text(self.file, "provenance"))
+        # RecursionError: brackets without end.
+        except (InputError, ValueError, RecursionError):
             return {}
         return provenance if isinstance(provenance, dict) else {}
 
@@ -340,6 +350,10 @@ def _check_time(recording: Recording, source: object) -> None:
         raise InputError(source, "time", "strictly increasing values", got)
     if not (np.isfinite(rate) and rate > 0):
         raise InputError(source, "sample_rate", "a positive number of Hz", rate)
+    longest = MOST_GAPS * len(time) / rate
+    if not time[-1] - time[0] <= longest:
+        expected = f"{len(time)} samples within {longest:.4g} s, {MOST_GAPS} times as long as they take"
+        raise InputError(source, "time", expected, f"{time[-1] - time[0]:.4g} s from first to last")
     measured = 1 / float(np.median(steps))
     if abs(measured / rate - 1) > RATE_TOLERANCE:
         expected = f"{measured:.6g} Hz, one over the median step of time, within {RATE_TOLERANCE:.0%}"
