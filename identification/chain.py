@@ -100,6 +100,7 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
     parameters[:, VISCOUS] = np.asarray(model.dof_damping).reshape(n, -1)[:, 0]
     parameters[:, COULOMB] = model.dof_frictionloss
     names = tuple(model.joint(j).name or f"joint_{j + 1}" for j in range(n))
+    _require_distinct(names)
     _require_none_negative(parameters, names)
     chain = Chain(
         joint_names=names,
@@ -149,6 +150,14 @@ def _require_serial_arm(model: Any) -> None:
                 raise InputError("model", name, "a serial chain, each joint after the one before", "a branch")
             link = last = first + int(model.body_jntnum[body]) - 1
         carrier[body] = link
+
+
+def _require_distinct(names: Sequence[str]) -> None:
+    """Raise InputError where an unnamed joint would be called as another one is."""
+    for name in names:
+        if names.count(name) > 1:
+            expected = "distinct names; a joint without one is called joint_N by its number"
+            raise InputError("model", "joint name", expected, f"{name} twice")
 
 
 def _require_none_negative(parameters: Array, names: Sequence[str]) -> None:

@@ -132,9 +132,12 @@ def identify(
     from identification.parameters import GROUPS
     from identification.pipeline import IdentificationOptions
 
+    from ..containment.folder import results_folder
     from ..identify import identify_logs
 
     groups = tuple(GROUPS) if parameters is None else tuple(parameters)
     preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
     options = IdentificationOptions(estimator, groups, preprocessing)
-    identify_logs(model, logs, validate or [], out, options, write_model)
+    given = [model, logs, validate, repr(options), write_model]
+    with results_folder(out, "identify", given, ("estimate.json", "report.html")):
+        identify_logs(model, logs, validate or [], out, options, write_model)
