@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from identification.chain import Chain
 from identification.errors import InputError
 from identification.parameters import PER_JOINT
+from testbench.effects import effects as catalogue
 from testbench.robot import Limits
 from testbench.torque_lag import TorqueLag
 

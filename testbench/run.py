@@ -61,7 +61,7 @@ def run_scenario(
     robots = {place: _robot(plan, path) for place, plan in plans.items()}
     require_writable(folder / "excitation.json")
     designs: Designs = {}
-    with results_folder(folder, "run", [path, seed], WRITTEN):
+    with results_folder(folder, WRITTEN):
         results = [
             _run_plan(plan, robots[place], place, path.name, jobs, designs) for place, plan in plans.items()
         ]

@@ -27,7 +27,7 @@ def blind_make(
     from diagnosis.blind.jobs import make
     from testbench.containment.folder import results_folder
 
-    with results_folder(out, "blind make", [scenario, seed], ("cases", "sealed", "manifest.json")):
+    with results_folder(out, ("cases", "sealed", "manifest.json"), resumes=True):
         make(scenario, out, seed, jobs)
 
 
@@ -43,7 +43,7 @@ def blind_score(
     from diagnosis.blind.jobs import SCORES, score
     from testbench.containment.folder import results_folder
 
-    with results_folder(out, "blind score", [cases, diagnoses], SCORES):
+    with results_folder(out, SCORES):
         score(cases, diagnoses, out)
 
 
@@ -65,5 +65,5 @@ def blind_study(
     from diagnosis.blind.study import study
     from testbench.containment.folder import results_folder
 
-    with results_folder(out, "blind study", [scenario, seed], ("results", "scenario.json", *SCORES)):
+    with results_folder(out, ("results", "scenario.json", *SCORES), resumes=True):
         study(scenario, out, seed, jobs, keep_logs, without)

@@ -31,7 +31,7 @@ def compare(
     from ..compare.compare import compare as run_comparison
     from ..containment.folder import results_folder
 
-    with results_folder(out, "compare", [question, scenario, seed], WRITTEN):
+    with results_folder(out, WRITTEN, resumes=True):
         run_comparison(question, scenario, out, jobs, scheduler, seed)
 
 

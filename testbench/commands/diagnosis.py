@@ -30,7 +30,7 @@ def diagnose(
     from diagnosis.job import WRITTEN, diagnose_logs
     from testbench.containment.folder import results_folder
 
-    with results_folder(out, "diagnose", [model, logs, without, seed], WRITTEN):
+    with results_folder(out, WRITTEN):
         told = diagnose_logs(model, logs, out, without or (), seed, jobs)
     # It is imported by then, behind the closed loop.
     from diagnosis.report import print_summary
@@ -65,5 +65,5 @@ def loop(
     from diagnosis.loop.job import WRITTEN, close_loop
     from testbench.containment.folder import results_folder
 
-    with results_folder(out, "loop", [scenario, seed], WRITTEN):
+    with results_folder(out, WRITTEN, resumes=True):
         close_loop(scenario, out, seed, jobs)

@@ -138,6 +138,5 @@ def identify(
     groups = tuple(GROUPS) if parameters is None else tuple(parameters)
     preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
     options = IdentificationOptions(estimator, groups, preprocessing)
-    given = [model, logs, validate, repr(options), write_model]
-    with results_folder(out, "identify", given, ("estimate.json", "report.html")):
+    with results_folder(out, ("estimate.json", "report.html")):
         identify_logs(model, logs, validate or [], out, options, write_model)

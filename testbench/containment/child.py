@@ -3,6 +3,7 @@
 import atexit
 import contextlib
 import json
+import os
 import queue
 import signal
 import subprocess
@@ -66,7 +67,7 @@ class _Child:
 
         threading.Thread(target=listen, daemon=True).start()
         try:
-            send(stdin, (function, arguments, seconds))
+            send(stdin, (_standing(), function, arguments, seconds))
             answer = answers.get(timeout=seconds)
         except OSError as error:
             raise BrokenMessageError(str(error)) from None
@@ -146,6 +147,14 @@ def _why(error: BaseException, child: _Child, seconds: float) -> str | None:
     if status in OUT_OF_TIME:
         return f"a file that takes over {seconds:.0f} s to read"
     return f"a file that the library for it crashes on (exit status {status})"
+
+
+def _standing() -> str:
+    """The folder that relative paths start from."""
+    try:
+        return os.getcwd()  # noqa: PTH109  Path.cwd() is the same call
+    except OSError:
+        return "/"
 
 
 def _started() -> _Child:

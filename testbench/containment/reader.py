@@ -75,7 +75,8 @@ def serve(with_parent: bool) -> None:
 
 def _answer(requests: IO[bytes], answers: IO[bytes]) -> None:
     """Do one request. An answer is a pair: whether it was done, and the value or the InputError."""
-    function, arguments, seconds = receive(requests)
+    folder, function, arguments, seconds = receive(requests)
+    os.chdir(folder)
     module, name = function.split(":")
     work = getattr(importlib.import_module(module), name)
     _limit_time(seconds)
