@@ -102,7 +102,7 @@ def _executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
 def _progress(total: int, done: int) -> Iterator[Callable[[str], None]]:
     """Yields a function that counts one more case; shown on a terminal with the time left."""
     columns = (
-        TextColumn("{task.description:30}"),
+        TextColumn("{task.description:30}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),

@@ -11,6 +11,7 @@ from identification.errors import InputError
 
 from .bare_model import bare_model
 from .hooks import Standstill
+from .mujoco_pointers import installed_control
 
 Array = NDArray[np.float64]
 
@@ -32,8 +33,10 @@ def plant_model(model: Any, timestep: float) -> Any:
     Linear damping and frictionloss are zero in it: the callback applies them exactly. Springs,
     gravity compensation and fluid forces stay.
     """
-    # A model that cannot do without its geoms comes back as it is.
-    plant = copy.copy(bare_model(model))
+    # Compiling runs the dynamics once, and with it whatever callback the process has.
+    with installed_control(None):
+        # A model that cannot do without its geoms comes back as it is.
+        plant = copy.copy(bare_model(model))
     plant.dof_damping[:] = 0.0
     plant.dof_frictionloss[:] = 0.0
     plant.opt.timestep = timestep
