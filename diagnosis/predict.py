@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +14,7 @@ from identification.models import POSITION_BAND
 from testbench.containment.json_text import read_bounded_json
 from testbench.effects import effect
 from testbench.effects.signature import Logged
-from testbench.files import replacing, require_writable
+from testbench.files import require_writable
 from testbench.log import Recording, read_log, write_log
 from testbench.lost_samples import lost_samples, mended
 from testbench.plausible_log import check_motion
@@ -75,13 +74,8 @@ def predict(directory: Path, log: Path, out: Path) -> PredictedTorque:
         provenance={"diagnosis": Path(directory).name, "log": Path(log).name},
         is_slide=recording.is_slide,
     )
-    with replacing(out) as temporary:
-        write_log(written, temporary)
-        with h5py.File(temporary, "a") as file:
-            unit = file["joint/torque"].attrs["unit"]
-            for name, torque in (("nominal", predicted.nominal), ("parameters", predicted.parameters)):
-                dataset = file.create_dataset(f"{name}/torque", data=torque, track_times=False)
-                dataset.attrs["unit"] = unit
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_log(written, out, {"nominal/torque": predicted.nominal, "parameters/torque": predicted.parameters})
     samples, joints = predicted.corrected.shape
     print(f"{out}: predicted torque of {joints} joints at {samples} instants of {log}")
     return predicted

@@ -1,6 +1,7 @@
 """Attributes and datasets of an open HDF5 file, each checked for what it must be."""
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,21 @@ def opened(path: Path) -> Iterator[h5py.File]:
     except Exception as error:
         got = f"{type(error).__name__}: {error}"
         raise InputError(path, "log", "an HDF5 file that is not damaged", got) from None
+
+
+def write_hdf5(path: Path, fill: Callable[[h5py.File], None]) -> None:
+    """Write what ``fill`` puts into an HDF5 file to a path. Raises OSError where the disk does not take it.
+
+    The file is made in memory: of a disk that is full, libhdf5 ends the process.
+    """
+    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
+        fill(file)
+        file.flush()
+        image = file.id.get_file_image()
+    with path.open("wb") as written:
+        written.write(image)
+        written.flush()
+        os.fsync(written.fileno())
 
 
 class CheckedFile:

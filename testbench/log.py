@@ -1,8 +1,7 @@
 """The robot-log format, version 1: one recorded run in one HDF5 file."""
 
 import json
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +15,7 @@ from identification.errors import InputError
 
 from .containment.child import contained
 from .files import replacing, require_file
-from .hdf5 import CheckedFile, opened
+from .hdf5 import CheckedFile, opened, write_hdf5
 
 Array = NDArray[np.float64]
 
@@ -114,22 +113,26 @@ def check_joints(recording: Recording, joint_names: Sequence[str], source: objec
         raise InputError(source, "joint_names", expected, list(recording.joint_names))
 
 
-def write_log(recording: Recording, path: str | Path) -> None:
+def write_log(recording: Recording, path: str | Path, beside: Mapping[str, Array] | None = None) -> None:
     """Write a robot-log so that ``path`` holds either the whole log or what it held before.
 
     The provenance is stored as JSON with ``created``, the time of writing (UTC) unless the
     recording brings its own; everything else depends on the recording alone, byte for byte.
+    beside: more torques (N, n) by the names of their datasets, which are no part of the format.
     Raises InputError for a recording that ``read_log`` would refuse, or a folder that does not exist.
     """
     path = Path(path)
     check_recording(recording, path)
     if not path.parent.is_dir():
         raise InputError(path, "folder", "an existing folder", path.parent)
+
+    def fill(file: h5py.File) -> None:
+        _write(file, recording)
+        for name, torque in (beside or {}).items():
+            _put(file, name, torque, file["joint/torque"].attrs["unit"])
+
     with replacing(path) as part:
-        with h5py.File(part, "w") as file:
-            _write(file, recording)
-        with part.open("rb") as written:
-            os.fsync(written.fileno())
+        write_hdf5(part, fill)
 
 
 def _write(file: h5py.File, recording: Recording) -> None:
