@@ -10,6 +10,7 @@ from . import interrupt
 # isort: split
 import atexit
 import gc
+import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -63,6 +64,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the program and exit with its code."""
     gc.set_threshold(OBJECTS_PER_SEARCH)
     standard_streams.prepare()
+    # What Rerun complains of is told in our words, in one line.
+    os.environ.setdefault("RUST_LOG", "off")
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     try:
         _run(tokens)

@@ -4,10 +4,16 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from types import FrameType
+
+from .containment.reader import end_with_parent
+
+# s between a worker's looks for its parent.
+BETWEEN_LOOKS = 0.5
 
 
 @contextmanager
@@ -31,8 +37,17 @@ def process_pool(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
 def _begin() -> None:
     """Set up a worker: the cases share the cores, not the parts of a case."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    end_with_parent()
+    threading.Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
     # A terminal interrupts every process; this one is ended by its parent.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _watch(parent: int) -> None:
+    """End this process within a second of its parent, on systems that do not do it themselves."""
+    while os.getppid() == parent:
+        time.sleep(BETWEEN_LOOKS)
+    os._exit(1)
 
 
 @contextmanager
