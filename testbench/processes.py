@@ -24,7 +24,10 @@ def process_pool(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
     """
     # Forking a process that has threads may hang.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin) as pool, _sigterm_raises():
+    with (
+        ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),)) as pool,
+        _sigterm_raises(),
+    ):
         try:
             yield pool
         except BaseException:
@@ -34,11 +37,11 @@ def process_pool(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
             raise
 
 
-def _begin() -> None:
+def _begin(parent: int) -> None:
     """Set up a worker: the cases share the cores, not the parts of a case."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    end_with_parent()
-    threading.Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
+    end_with_parent(parent)
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
     # A terminal interrupts every process; this one is ended by its parent.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

@@ -24,7 +24,7 @@ STARTING = 120.0
 ENDING = 2.0
 START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from testbench.containment.reader import serve; serve(sys.argv[2] == 'True')"
+    "from testbench.containment.reader import serve; serve(int(sys.argv[2]))"
 )
 # Signals that end a process at its limit of processor time.
 OUT_OF_TIME = [-getattr(signal, name) for name in ("SIGXCPU",) if hasattr(signal, name)]
@@ -37,7 +37,7 @@ class _Child:
         # The system tells a child of the death of the thread that made it, which must be the last one.
         lasting = threading.current_thread() is threading.main_thread()
         self.process = subprocess.Popen(
-            [sys.executable, "-c", START, json.dumps(sys.path), str(lasting)],
+            [sys.executable, "-c", START, json.dumps(sys.path), str(os.getpid() if lasting else 0)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

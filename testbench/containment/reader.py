@@ -24,10 +24,9 @@ PR_SET_PDEATHSIG = 1
 CODECS = ("ascii", "latin-1", "utf-8", "unicode_escape")
 
 
-def end_with_parent() -> None:
-    """Have this process killed when its parent dies; where the system cannot, nothing."""
+def end_with_parent(parent: int) -> None:
+    """Have this process killed when its parent, of that id, dies; where the system cannot, nothing."""
     if sys.platform.startswith("linux"):
-        parent = os.getppid()
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         # It may have died before the call.
         if os.getppid() != parent:
@@ -50,12 +49,15 @@ def no_more_files() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
-def serve(with_parent: bool) -> None:
-    """Answer requests until there are no more: a function as ``module:name``, its arguments, and seconds."""
+def serve(parent: int) -> None:
+    """Answer requests until there are no more: a function as ``module:name``, its arguments, and seconds.
+
+    parent: id of the process to end with, or 0.
+    """
     # An interrupt is the parent's to tell of.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if with_parent:
-        end_with_parent()
+    if parent:
+        end_with_parent(parent)
     # Plug-ins of HDF5 are code, loaded by what a file asks for.
     os.environ["HDF5_PLUGIN_PRELOAD"] = "::"
     requests, answers = os.fdopen(0, "rb", closefd=False), os.fdopen(os.dup(1), "wb")
