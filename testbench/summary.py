@@ -6,6 +6,7 @@ from rich.text import Text
 
 from .findings import headline, parameter_rows, significant, torque_error
 from .results import IdentificationResult
+from .terminal import WIDTH as WIDTH
 from .terminal import console
 
 LONGEST_NAME = 28
