@@ -17,7 +17,7 @@ from identification.errors import InputError
 from .wire import BrokenMessageError, receive, send
 
 # Seconds to read what takes a good file a tenth of one, and bytes a second of a slow disk.
-PATIENCE, SLOWEST_DISK = 12.0, 5e6
+PATIENCE, SLOWEST_DISK = 8.0, 5e6
 # Seconds until the process has imported what it needs, on a machine that is busy.
 STARTING = 120.0
 # Seconds until a process whose answer broke off has an exit status.
