@@ -4,13 +4,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: run test bench lint lock clean
+.PHONY: run test fuzz bench lint lock clean
 
 run: $(STAMP)
 	$(BIN)/testbench run scenarios/tx90.yaml --out logs/tx90
 
 test: $(STAMP)
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
+
+# SEED=7 repeats a run of which a fault was told.
+fuzz: $(STAMP)
+	$(BIN)/python -m tests.fuzz $(SEED)
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks

@@ -1,5 +1,6 @@
 """The corrected model as plain numbers: all that is needed to predict torque along another motion."""
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from identification.chain import Chain
 from identification.errors import InputError
 from identification.parameters import PER_JOINT
+from testbench.effects import effects as catalogue
 from testbench.robot import Limits
 from testbench.torque_lag import TorqueLag
 
@@ -160,7 +162,7 @@ def read_correction(document: Any, source: object) -> Corrected:
             name: [unlimited.get(name, np.inf) if v is None else v for v in document["limits"][name]]
             for name in LIMITS
         }
-        return Corrected(
+        read = Corrected(
             chain=chain,
             limits=Limits(**{name: np.array(values, dtype=np.float64) for name, values in limits.items()}),
             nominal=np.array(document["nominal"], dtype=np.float64),
@@ -187,9 +189,49 @@ def read_correction(document: Any, source: object) -> Corrected:
                 for term in effects["terms"]
             ),
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        for name, values, shape in _shapes(read):
+            if values.shape != shape or not np.isfinite(values).all():
+                raise ValueError(f"{name} of shape {values.shape} instead of {shape}, or not finite")
+        if read.lag.order not in (0, 1, 2):
+            raise ValueError(f"a low-pass of order {read.lag.order!r}")
+        unknown = [term.effect for term in read.terms if term.effect not in catalogue()]
+        if unknown:
+            raise ValueError(f"the effects {unknown}")
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
         expected = "the corrected model as diagnose writes it"
         raise InputError(source, "correction", expected, f"{type(error).__name__}: {error}") from None
+    return read
+
+
+def _shapes(model: Corrected) -> Iterator[tuple[str, Array, tuple[int, ...]]]:
+    """Arrays of a corrected model that must be finite, by name, and the shapes that they must have."""
+    n = model.chain.joints
+    chain = {
+        "rotation": (n, 3, 3),
+        "translation": (n, 3),
+        "gravity": (3,),
+        "springs": (n, 4),
+    }
+    for name, shape in chain.items():
+        yield name, getattr(model.chain, name), shape
+    yield "is_slide", model.chain.is_slide.astype(np.float64), (n,)
+    for name in LIMITS:
+        yield name, np.nan_to_num(getattr(model.limits, name), posinf=0.0, neginf=0.0), (n,)
+    for name in ("nominal", "parameters", "final", "linearised"):
+        yield name, getattr(model, name), (PER_JOINT * n,)
+    for name in ("coulomb_smoothing", "zeros"):
+        yield name, getattr(model, name), (n,)
+    yield "last_body", model.body_rotation, (3, 3)
+    yield "last_body", model.body_origin, (3,)
+    timing = [model.parameters_timing, model.final_timing, model.coulomb_lead]
+    timing += [model.lag.delay, model.lag.time_constant]
+    yield "timing", np.array(timing, dtype=np.float64), (5,)
+    for term in model.terms:
+        yield (
+            term.effect,
+            np.array([*term.shape.values(), *term.coefficients.ravel()]),
+            (len(term.shape) + len(term.coefficients),),
+        )
 
 
 def _name(chain: Chain, joint: int | None) -> str | None:

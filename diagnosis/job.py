@@ -21,6 +21,9 @@ from .forward import forward_gap, gap_as_given
 from .predict import DOCUMENT
 from .remedy import write_corrected
 
+# What is left in a folder of results.
+WRITTEN = ("corrected.xml", "diagnosis.json", "next_experiment.json", "report.html", "session.rrd")
+
 
 def diagnose_logs(
     model: Path,

@@ -1,11 +1,9 @@
 """Torque along a measured motion, by the corrected model and by those before it."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,9 +11,10 @@ from identification.differentiation import differentiate
 from identification.errors import InputError
 from identification.filtering import zero_phase_lowpass
 from identification.models import POSITION_BAND
+from testbench.containment.json_text import read_bounded_json
 from testbench.effects import effect
 from testbench.effects.signature import Logged
-from testbench.files import replacing, require_writable
+from testbench.files import require_writable
 from testbench.log import Recording, write_log
 from testbench.lost_samples import lost_samples, mended
 from testbench.plausible_log import check_motion
@@ -76,13 +75,8 @@ def predict(directory: Path, log: Path, out: Path, map_path: Path | None = None)
         provenance={"diagnosis": Path(directory).name, "log": Path(log).name},
         is_slide=recording.is_slide,
     )
-    with replacing(out) as temporary:
-        write_log(written, temporary)
-        with h5py.File(temporary, "a") as file:
-            unit = file["joint/torque"].attrs["unit"]
-            for name, torque in (("nominal", predicted.nominal), ("parameters", predicted.parameters)):
-                dataset = file.create_dataset(f"{name}/torque", data=torque, track_times=False)
-                dataset.attrs["unit"] = unit
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_log(written, out, {"nominal/torque": predicted.nominal, "parameters/torque": predicted.parameters})
     samples, joints = predicted.corrected.shape
     print(f"{out}: predicted torque of {joints} joints at {samples} instants of {log}")
     return predicted
@@ -93,10 +87,7 @@ def read_diagnosed(directory: Path) -> Corrected:
     path = Path(directory) / DOCUMENT
     if not path.is_file():
         raise InputError(directory, DOCUMENT, "a folder that diagnose has written", "no such file")
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(path, "diagnosis", "JSON", str(error)) from None
+    document = read_bounded_json(path, "diagnosis")
     if not isinstance(document, dict) or document.get("format") != "gap-diagnosis":
         raise InputError(path, "format", "gap-diagnosis", "something else")
     return read_correction(document.get("correction"), path)

@@ -125,6 +125,7 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
     parameters[:, VISCOUS] = np.asarray(model.dof_damping).reshape(n, -1)[:, 0]
     parameters[:, COULOMB] = model.dof_frictionloss
     names = tuple(model.joint(j).name or f"joint_{j + 1}" for j in range(n))
+    _require_distinct(names)
     _require_none_negative(parameters, names)
     chain = Chain(
         joint_names=names,
@@ -169,6 +170,14 @@ def _carries_joints(model: Any, trunk: int) -> bool:
     """Whether other bodies with joints hang on a body that hangs on the world."""
     carried = (np.asarray(model.body_rootid) == trunk) & (np.arange(model.nbody) != trunk)
     return bool(np.any(np.asarray(model.body_jntnum)[carried]))
+
+
+def _require_distinct(names: Sequence[str]) -> None:
+    """Raise InputError where an unnamed joint would be called as another one is."""
+    for name in names:
+        if names.count(name) > 1:
+            expected = "distinct names; a joint without one is called joint_N by its number"
+            raise InputError("model", "joint name", expected, f"{name} twice")
 
 
 def _require_none_negative(parameters: Array, names: Sequence[str]) -> None:

@@ -2,6 +2,9 @@
 
 from collections.abc import Iterable
 
+# Characters of what was expected and of what came that a line shows.
+LONGEST = 1000
+
 
 class InputError(Exception):
     """Bad input, said in one line: where, which field, what was expected, what came, valid names.
@@ -29,11 +32,24 @@ class InputError(Exception):
         return InputError, (self.source, self.field, self.expected, self.got, self.choices)
 
     def _line(self) -> str:
-        line = f"{self.source}: {self.field}: expected {self.expected}, got {self.got}"
+        line = f"{self.source}: {self.field}: expected {_short(self.expected)}, got {_short(str(self.got))}"
         if self.choices is not None:
             line += f" (valid: {', '.join(self.choices)})"
-        return " ".join(line.split())
+        return _printable(" ".join(line.split()))
 
     def located(self, source: object) -> "InputError":
         """The same complaint with the file named, for code that knows the file only at the edge."""
         return InputError(source, self.field, self.expected, self.got, self.choices)
+
+
+def _short(text: str) -> str:
+    """A text that a line has room for."""
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def _printable(text: str) -> str:
+    """A text that no terminal obeys: what is no character to print is escaped."""
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in text
+    )

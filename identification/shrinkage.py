@@ -1,6 +1,6 @@
 """How far an estimate may move from the model as given, by what it predicts of runs that were left out.
 
-Least squares with a Gaussian prior about the model: change = (sum_j w_j² X_j'X_j + s P)^-1 sum_j w_j² X_j'y_j,
+Least squares with a Gaussian prior about the model, (sum_j w_j² X_j'X_j + s P) change = sum_j w_j² X_j'y_j,
 with y the torque less the model's, X_j the rows of joint j, P the inverse of the prior's covariance. Its
 strength s is the largest that predicts left-out rows as well as any; then one factor scales the change as a
 whole. The squared error is convex in that factor and the model is factor 0, so left-out rows are never

@@ -2,8 +2,8 @@
 
 import json
 
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from identification.differentiation import differentiation_methods
 from identification.estimators import estimators
@@ -12,6 +12,7 @@ from identification.excitation.trajectories import TRAJECTORIES
 from identification.models import identification_models
 
 from .effects import effects
+from .terminal import console
 
 
 def catalogue() -> dict[str, list[str]]:
@@ -34,5 +35,5 @@ def print_catalogue(as_json: bool) -> None:
         return
     table = Table(box=None, pad_edge=False, show_header=False)
     for kind, members in names.items():
-        table.add_row(f"[bold]{kind}[/bold]", ", ".join(members))
-    Console().print(table)
+        table.add_row(Text(kind, "bold"), ", ".join(members))
+    console().print(table)

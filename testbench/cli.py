@@ -4,9 +4,15 @@ Exit codes: 0 done, 2 bad input (one line on stderr), 1 a fault of ours. What a 
 imported when it is called, so that ``--help`` answers at once. The commands are in ``commands/``.
 """
 
+# First, while what follows is being loaded.
+from . import interrupt
+
+# isort: split
 import atexit
 import gc
+import os
 import sys
+import warnings
 from collections.abc import Sequence
 from importlib.metadata import version
 
@@ -21,11 +27,13 @@ from cyclopts import (
 
 from identification.errors import InputError
 
+from . import standard_streams
 from .commands import blind, effects, study
 from .commands.comparison import compare, list_names, view
 from .commands.diagnosis import diagnose, loop, predict
 from .commands.identification import excite, identify, run, simulate
 from .commands.recordings import import_recordings
+from .containment.child import begin
 
 app = App(
     name="testbench",
@@ -49,6 +57,8 @@ app.command(study.app)
 OBJECTS_PER_SEARCH = 50_000
 atexit.register(gc.freeze)
 
+# What reads no logs and no models.
+WITHOUT_FILES, HELP = {"list", "view", "--version"}, {"--help", "-h"}
 # What an option wants that is not a word.
 NUMBERS: dict[type | None, str] = {int: "a whole number", float: "a number"}
 
@@ -56,16 +66,50 @@ NUMBERS: dict[type | None, str] = {int: "a whole number", float: "a number"}
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the program and exit with its code."""
     gc.set_threshold(OBJECTS_PER_SEARCH)
+    standard_streams.prepare()
+    # What Rerun complains of is told in our words, in one line.
+    os.environ.setdefault("RUST_LOG", "off")
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+        _run(tokens)
+        sys.stdout.flush()
     except CycloptsError as error:
-        _complain(str(_usage(error)))
+        _end(str(_usage(error)))
     except InputError as error:
-        _complain(str(error))
+        _end(str(error))
     except KeyboardInterrupt:
-        print("testbench: interrupted; what was finished is kept", file=sys.stderr)
-        sys.exit(130)
+        _end(interrupt.LINE, interrupt.CODE)
+    except BrokenPipeError:
+        # Whoever read the output has seen enough; results are in files.
+        standard_streams.discard_output()
+    except OSError as error:
+        # Full disks, folders that may not be written to: no fault of ours, wherever they are met.
+        standard_streams.discard_output()
+        got = error.strerror or str(error)
+        _end(
+            str(
+                InputError("testbench", error.filename or "output", "files that can be read and written", got)
+            )
+        )
+    except MemoryError:
+        _end(
+            str(
+                InputError(
+                    "testbench", "memory", "enough for these inputs", "less; give shorter or fewer logs"
+                )
+            )
+        )
+
+
+def _run(tokens: Sequence[str]) -> None:
+    """Run a command. A warning of a library is nothing that a user can act on."""
+    with warnings.catch_warnings():
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore")
+        if tokens and tokens[0] not in WITHOUT_FILES and not HELP & set(tokens):
+            # It starts while this process imports what the command needs.
+            begin()
+        app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
 
 
 def _usage(error: CycloptsError) -> InputError:
@@ -84,6 +128,9 @@ def _usage(error: CycloptsError) -> InputError:
     return InputError("testbench", "arguments", "what --help shows", str(error))
 
 
-def _complain(line: str) -> None:
-    print(line, file=sys.stderr)
-    sys.exit(2)
+def _end(line: str, code: int = 2) -> None:
+    standard_streams.say(line)
+    sys.exit(code)
+
+
+interrupt.loaded()

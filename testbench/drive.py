@@ -50,20 +50,18 @@ def drive_units(drive: Drive, name: str) -> tuple[str, str]:
 
 def read_drive(checked: CheckedFile) -> Drive | None:
     """The drive of an open robot-log, or None. Raises InputError."""
-    if "drive" not in checked.file:
+    if not checked.has("drive"):
         return None
-    group = checked.file["drive"]
-    if not isinstance(group, h5py.Group):
-        raise InputError(checked.path, "drive", "a group", "a dataset")
+    group = checked.group("drive")
     kind = checked.text(group, "kind")
     names = [field.name for field in fields(Drive) if field.name != "kind"]
     figures: dict[str, Any] = {name: checked.numbers(f"drive/{name}") for name in names if name in group}
     return Drive(kind, **figures)
 
 
-def is_signed(dataset: h5py.Dataset) -> bool:
+def is_signed(checked: CheckedFile, dataset: h5py.Dataset) -> bool:
     """Whether a drive's signal has its sign: attribute ``signed``, true where there is none."""
-    return bool(single(dataset.attrs.get("signed", True)))
+    return "signed" not in dataset.attrs or bool(single(checked.attribute(dataset, "signed")))
 
 
 def check_drive(drive: Drive, joint_names: Sequence[str], source: object) -> None:

@@ -11,6 +11,7 @@ from identification.excitation.excitation import Excitation
 from identification.excitation.trajectories import trajectory_from_dict
 from identification.excitation.trajectory import Trajectory
 
+from .containment.json_text import read_bounded_json
 from .files import replacing, require_file
 
 FORMAT, VERSION = "excitation", 1
@@ -59,10 +60,7 @@ def read_trajectory(path: str | Path) -> tuple[tuple[str, ...], Trajectory]:
     """
     path = Path(path)
     require_file(path, "trajectory", "an existing excitation.json")
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(path, "trajectory", "JSON", str(error)) from None
+    document = read_bounded_json(path, "trajectory")
     if not isinstance(document, dict) or "trajectory" not in document:
         raise InputError(path, "trajectory", "an object with joint_names and trajectory", "none")
     version = (document.get("format", FORMAT), document.get("format_version", VERSION))

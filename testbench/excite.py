@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from identification.errors import InputError
@@ -14,6 +13,7 @@ from .excitation_file import write_excitation
 from .files import require_writable
 from .progress import Step, steps
 from .robot import Robot, load_robot
+from .terminal import console
 
 # Collision geoms are snug: what lies between them and the exterior, and the tracking error.
 CLEARANCE = 0.03
@@ -70,4 +70,4 @@ def _print(excitation: Excitation) -> None:
         ("limits kept", "yes" if excitation.margins.kept else "no"),
     ):
         table.add_row(name, value)
-    Console().print(table)
+    console().print(table)

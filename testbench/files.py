@@ -2,6 +2,7 @@
 
 import json
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from identification.errors import InputError
+
+from .containment.json_text import read_bounded_json
 
 
 @contextmanager
@@ -18,6 +21,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     Raises InputError where the system will not have it written, as on a full disk.
     """
     path = Path(path)
+    _require_replaceable(path)
     temporary: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -42,8 +46,7 @@ def require_writable(path: str | Path, *read: Path) -> None:
     work starts.
     """
     path = Path(path)
-    if path.is_dir():
-        raise InputError(path, "out", "a file to write", "a folder")
+    _require_replaceable(path)
     folder = next(parent for parent in path.absolute().parents if parent.exists())
     if not folder.is_dir():
         raise InputError(path, "out", "a path below a folder", f"the file {folder}")
@@ -58,12 +61,33 @@ def require_writable(path: str | Path, *read: Path) -> None:
             raise InputError(path, "out", "another file than those that are read", source)
 
 
+def _require_replaceable(path: Path) -> None:
+    """Raise InputError for what is no plain file and must stay what it is: a folder, link, device or pipe."""
+    try:
+        if path.is_symlink():
+            raise InputError(path, "out", "a file to write", f"a link to {path.readlink()}")
+        if path.is_dir():
+            raise InputError(path, "out", "a file to write", "a folder")
+        if path.exists() and not path.is_file():
+            raise InputError(path, "out", "a file to write", "a device or a pipe")
+    # A name that is longer than the system's longest, or has a null character.
+    except (OSError, ValueError) as error:
+        raise InputError(path, "out", "the name of a file", getattr(error, "strerror", error)) from None
+
+
 def require_file(path: Path, field: str, expected: str) -> None:
     """Raise InputError unless there is a file to read; expected: what it should be."""
-    if path.is_dir():
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        raise InputError(path, field, expected, "no such file") from None
+    # A path through a file, one that is too long, or one with a null character.
+    except (OSError, ValueError) as error:
+        raise InputError(path, field, expected, getattr(error, "strerror", error)) from None
+    if stat.S_ISDIR(mode):
         raise InputError(path, field, expected, "a folder")
-    if not path.is_file():
-        raise InputError(path, field, expected, "no regular file" if path.exists() else "no such file")
+    if not stat.S_ISREG(mode):
+        raise InputError(path, field, expected, "no regular file")
     if not os.access(path, os.R_OK):
         raise InputError(path, field, expected, "a file that may not be read")
 
@@ -71,10 +95,7 @@ def require_file(path: Path, field: str, expected: str) -> None:
 def read_json(path: Path) -> Any:
     """A JSON file's content. Raises InputError when it is none."""
     require_file(path, "file", "an existing JSON file")
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(path, "content", "JSON", str(error)) from None
+    return read_bounded_json(path)
 
 
 def write_json(document: Any, path: Path) -> None:

@@ -4,8 +4,7 @@ A log without measured torque is of version 1.1: it says what the drive did inst
 """
 
 import json
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,16 +16,19 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
+from .containment.child import contained
 from .drive import SIGNALS, Drive, check_drive, drive_units, is_signed, read_drive
 from .files import replacing, require_file
-from .hdf5 import CheckedFile, decoded, single
+from .hdf5 import CheckedFile, opened, write_hdf5
 
 Array = NDArray[np.float64]
 
 FORMAT, VERSION, VERSION_OF_DRIVES = "robot-log", 1, 1.1
-CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "unknown", "position_servo")
+CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "position_servo", "unknown")
 # Median sample interval against sample_rate: clocks of real robots jitter, but not on the whole.
 RATE_TOLERANCE = 0.01
+# A log is put on a grid, gaps and all, which may be so many times as long as its samples.
+MOST_GAPS = 100
 
 # Dataset, Recording field, unit on a hinge, unit on a slide joint; all (N, n).
 CHANNELS = (
@@ -139,22 +141,26 @@ def check_joints(recording: Recording, joint_names: Sequence[str], source: objec
         raise InputError(source, "joint_names", expected, list(recording.joint_names))
 
 
-def write_log(recording: Recording, path: str | Path) -> None:
+def write_log(recording: Recording, path: str | Path, beside: Mapping[str, Array] | None = None) -> None:
     """Write a robot-log so that ``path`` holds either the whole log or what it held before.
 
     The provenance is stored as JSON with ``created``, the time of writing (UTC) unless the
     recording brings its own; everything else depends on the recording alone, byte for byte.
+    beside: more torques (N, n) by the names of their datasets, which are no part of the format.
     Raises InputError for a recording that ``read_log`` would refuse, or a folder that does not exist.
     """
     path = Path(path)
     check_recording(recording, path)
     if not path.parent.is_dir():
         raise InputError(path, "folder", "an existing folder", path.parent)
+
+    def fill(file: h5py.File) -> None:
+        _write(file, recording)
+        for name, torque in (beside or {}).items():
+            _put(file, name, torque, file["joint/torque"].attrs["unit"])
+
     with replacing(path) as part:
-        with h5py.File(part, "w") as file:
-            _write(file, recording)
-        with part.open("rb") as written:
-            os.fsync(written.fileno())
+        write_hdf5(part, fill)
 
 
 def _write(file: h5py.File, recording: Recording) -> None:
@@ -217,11 +223,17 @@ def read_log(path: str | Path, with_truth: bool = False, with_torque: bool = Tru
     """
     path = Path(path)
     require_file(path, "log", "an existing robot-log file")
-    try:
-        file = h5py.File(path, "r")
-    except OSError:
-        raise InputError(path, "log", "an HDF5 file", "something else, or a damaged file") from None
-    with file:
+    size = path.stat().st_size
+    expected = "an HDF5 file that is not damaged"
+    recording = contained("testbench.log:_read", path, "log", expected, with_truth, with_torque, size=size)
+    assert isinstance(recording, Recording)
+    return recording
+
+
+def _read(name: str, with_truth: bool, with_torque: bool) -> Recording:
+    """The recording in a file, read in this process."""
+    path = Path(name)
+    with opened(path) as file:
         recording = _Reader(file, path).recording(with_truth, with_torque)
     check_recording(recording, path)
     return recording
@@ -250,31 +262,32 @@ class _Reader(CheckedFile):
             for name, channel, hinge, slide in CHANNELS
             if (with_torque or channel != "torque")
             and (has_drives or channel not in SIGNALS)
-            and (channel in required or name in self.file)
+            and (channel in required or self.has(name))
         }
         if "torque" not in channels:
             channels["torque"] = np.full_like(channels["position"], np.nan if with_torque else 0.0)
         truth: dict[str, Array] = {}
         effects: list[dict[str, Any]] = []
-        if with_truth and "truth" in self.file:
-            group = self.file["truth"]
-            effects = json.loads(group.attrs.get("effects", "[]"))
-            truth = {
-                name: self.numbers(f"truth/{name}") for name in group if isinstance(group[name], h5py.Dataset)
-            }
+        if with_truth and self.has("truth"):
+            group = self.group("truth")
+            effects = json.loads(self.text(group, "effects")) if "effects" in group.attrs else []
+            own = {name: f"truth/{name}" for name in group}
+            truth = {name: self.numbers(place) for name, place in own.items() if self.is_dataset(place)}
         return Recording(
             robot=self.text(self.file, "robot"),
             joint_names=self.joint_names,
             sample_rate=self.number(self.file, "sample_rate"),
             source=self.text(self.file, "source"),
             time=self._values("time", "s", "s"),
-            controller=self._controller() if "controller" in self.file else None,
+            controller=self._controller() if self.has("controller") else None,
             truth=truth,
             truth_effects=effects,
             provenance=self._provenance(),
             is_slide=self.slides if any(self.slides) else (),
             unsigned=tuple(
-                name for name in SIGNALS if name in channels and not is_signed(self.file[f"joint/{name}"])
+                name
+                for name in SIGNALS
+                if name in channels and not is_signed(self, self.dataset(f"joint/{name}"))
             ),
             drive=read_drive(self) if has_drives else None,
             **channels,
@@ -282,23 +295,21 @@ class _Reader(CheckedFile):
 
     def _says_what_drives_did(self) -> bool:
         """Whether something stands in the place of torque."""
-        controller = self.file.get("controller")
-        servo = controller is not None and single(controller.attrs.get("kind")) in (
-            "position_servo",
-            b"position_servo",
-        )
-        return servo or "drive" in self.file or any(f"joint/{name}" in self.file for name in SIGNALS)
+        servo = self.has("controller") and self.text(self.group("controller"), "kind") == "position_servo"
+        return servo or self.has("drive") or any(self.has(f"joint/{name}") for name in SIGNALS)
 
     def _joint_names(self) -> tuple[str, ...]:
         given = self.attribute(self.file, "joint_names")
         names = np.atleast_1d(given)
         if names.ndim != 1 or not all(isinstance(name, (str, bytes)) for name in names.tolist()):
             raise InputError(self.path, "joint_names", "a list of strings", names.tolist())
+        if not len(names):
+            raise InputError(self.path, "joint_names", "a list of strings, one a joint", "an empty list")
         joints = self.dataset("joint/position").shape
         if np.ndim(given) == 0 and joints is not None and joints[1:] not in ((), (1,)):
-            got = f"one string, {decoded(given)!r}"
+            got = f"one string, {self.decoded(names[0], 'joint_names')!r}"
             raise InputError(self.path, "joint_names", f"a list of {joints[1]} strings, one a joint", got)
-        return tuple(decoded(name) for name in names.tolist())
+        return tuple(self.decoded(name, "joint_names") for name in names.tolist())
 
     def _slides(self) -> tuple[bool, ...]:
         """Which joints slide, from the units of their positions; one unit stands for all joints."""
@@ -322,15 +333,13 @@ class _Reader(CheckedFile):
         return values
 
     def _controller(self) -> Controller:
-        group = self.file["controller"]
-        if not isinstance(group, h5py.Group):
-            raise InputError(self.path, "controller", "a group", "a dataset")
+        group = self.group("controller")
         kind = self.text(group, "kind")
         if kind not in CONTROLLER_KINDS:
             raise InputError(self.path, "controller kind", "a controller", repr(kind), CONTROLLER_KINDS)
         gains: dict[str, Array] = {}
         for name in ("kp", "kd"):
-            if kind != "unknown" or name in group:
+            if kind != "unknown" or self.has(f"controller/{name}"):
                 # The format spells no unit of theirs.
                 gains[name] = self.numbers(f"controller/{name}")
         needs_smoothing = kind == "pd_with_model_feedforward"
@@ -345,10 +354,12 @@ class _Reader(CheckedFile):
 
     def _provenance(self) -> dict[str, Any]:
         """What the log tells of its making, where that is a JSON object; the format asks for none."""
-        given = single(self.file.attrs.get("provenance", ""))
+        if "provenance" not in self.file.attrs:
+            return {}
         try:
-            provenance = json.loads(decoded(given)) if isinstance(given, (str, bytes)) else None
-        except json.JSONDecodeError:
+            provenance = json.loads(self.text(self.file, "provenance"))
+        # RecursionError: brackets without end.
+        except (InputError, ValueError, RecursionError):
             return {}
         return provenance if isinstance(provenance, dict) else {}
 
@@ -401,6 +412,10 @@ def _check_time(recording: Recording, source: object) -> None:
         raise InputError(source, "time", "strictly increasing values", got)
     if not (np.isfinite(rate) and rate > 0):
         raise InputError(source, "sample_rate", "a positive number of Hz", rate)
+    longest = MOST_GAPS * len(time) / rate
+    if not time[-1] - time[0] <= longest:
+        expected = f"{len(time)} samples within {longest:.4g} s, {MOST_GAPS} times as long as they take"
+        raise InputError(source, "time", expected, f"{time[-1] - time[0]:.4g} s from first to last")
     measured = 1 / float(np.median(steps))
     if abs(measured / rate - 1) > RATE_TOLERANCE:
         expected = f"{measured:.6g} Hz, one over the median step of time, within {RATE_TOLERANCE:.0%}"

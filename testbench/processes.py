@@ -4,10 +4,16 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from types import FrameType
+
+from .containment.reader import end_with_parent
+
+# s between a worker's looks for its parent.
+BETWEEN_LOOKS = 0.5
 
 
 @contextmanager
@@ -18,7 +24,10 @@ def process_pool(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
     """
     # Forking a process that has threads may hang.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin) as pool, _sigterm_raises():
+    with (
+        ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),)) as pool,
+        _sigterm_raises(),
+    ):
         try:
             yield pool
         except BaseException:
@@ -28,11 +37,20 @@ def process_pool(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
             raise
 
 
-def _begin() -> None:
+def _begin(parent: int) -> None:
     """Set up a worker: the cases share the cores, not the parts of a case."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    end_with_parent(parent)
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
     # A terminal interrupts every process; this one is ended by its parent.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _watch(parent: int) -> None:
+    """End this process within a second of its parent, on systems that do not do it themselves."""
+    while os.getppid() == parent:
+        time.sleep(BETWEEN_LOOKS)
+    os._exit(1)
 
 
 @contextmanager

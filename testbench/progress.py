@@ -40,10 +40,10 @@ def steps() -> Iterator[Steps]:
     """Show the steps of a job while the block runs."""
     console = Console(stderr=True)
     columns = (
-        TextColumn("{task.description:32}"),
+        TextColumn("{task.description:32}", markup=False),
         BarColumn(),
         TimeElapsedColumn(),
-        TextColumn("{task.fields[note]}"),
+        TextColumn("{task.fields[note]}", markup=False),
     )
     with Progress(*columns, console=console, disable=not sys.stderr.isatty()) as progress:
         yield Steps(progress)

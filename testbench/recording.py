@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 
 from identification.estimate import TorqueFit
 
-from .files import replacing
 from .findings import headline, significant, torque_error
 from .log import Recording
 from .parameter_chart import log_parameters
 from .results import IdentificationResult
 from .scene import body_poses, log_floor, log_motion, log_robot, reach
+from .session_file import session_file
 
 Array = NDArray[np.float64]
 
@@ -69,17 +69,13 @@ class _Run:
 def write_session(result: IdentificationResult, path: str | Path) -> None:
     """Write the Rerun recording of a result, whole or not at all."""
     runs = _runs(result)
-    with replacing(path) as temporary:
-        # The robot's name as id: the same input gives the same recording id.
-        stream = rr.RecordingStream(APPLICATION, recording_id=result.robot.name, send_properties=False)
-        stream.save(temporary, default_blueprint=_layout(result, runs))
+    with session_file(path, APPLICATION, result.robot.name, _layout(result, runs)) as stream:
         stream.send_recording_name(f"{result.robot.name}, {result.estimate.estimator}")
         stream.log("summary", rr.TextDocument(_summary(result), media_type="text/markdown"), static=True)
         log_parameters(stream, "parameters", result)
         for run in runs:
             _log_scene(stream, run, result)
             _log_joints(stream, run, result)
-        stream.disconnect()
 
 
 def _runs(result: IdentificationResult) -> tuple[_Run, ...]:

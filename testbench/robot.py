@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from identification.chain import Chain, chain_from_model
 from identification.errors import InputError
 
+from .containment.model import compiled
 from .files import require_file
 from .unmodelled_forces import unmodelled_forces
 
@@ -76,11 +77,7 @@ def load_robot(path: str | Path) -> Robot:
     """
     path = Path(path)
     require_file(path, "model", "an existing MJCF or URDF file")
-    try:
-        _leave_no_log_file()
-        model = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError) as error:
-        raise InputError(path, "model", "XML that MuJoCo loads", str(error)) from None
+    model = compiled(path)
     try:
         chain, parameters = chain_from_model(model)
         _require_known_forces(model)
@@ -103,13 +100,6 @@ def _require_known_forces(model: mujoco.MjModel) -> None:
         raise InputError("model", "forces", "the model that this corrected simulator was made from", got)
     expected = "rigid bodies with joint springs, armature, damping, frictionloss and gravity"
     raise InputError("model", "forces", expected, f"{got}; take it out of the model, simulate has --effect")
-
-
-def _leave_no_log_file() -> None:
-    """Keep MuJoCo's warnings on stderr alone; it would also write MUJOCO_LOG.TXT where the user stands."""
-    config = mujoco.MjLogConfig.get()
-    config.logto_file = False
-    mujoco.MjLogConfig.set(config)
 
 
 def _limits(model: mujoco.MjModel) -> Limits:

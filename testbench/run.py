@@ -19,6 +19,7 @@ from identification.pipeline import IdentificationOptions
 from .background import background
 from .clearance import robot_clearance
 from .comparison import compare_with_truth
+from .containment.folder import results_folder
 from .effects import injection
 from .estimate_file import write_estimate
 from .excitation_file import excitation_document, write_excitation
@@ -32,7 +33,7 @@ from .recording import write_session
 from .report import write_report
 from .results import IdentificationResult
 from .robot import Robot, load_robot
-from .scenario import Scenario, load_scenario
+from .scenario import WRITTEN, Scenario, load_scenario
 from .simulation import (
     ControllerOptions,
     SensorOptions,
@@ -68,9 +69,10 @@ def run_scenario(
     robots = {place: _robot(plan, path) for place, plan in plans.items()}
     require_writable(folder / "excitation.json")
     designs: Designs = {}
-    results = [
-        _run_plan(plan, robots[place], place, path.name, jobs, designs) for place, plan in plans.items()
-    ]
+    with results_folder(folder, WRITTEN):
+        results = [
+            _run_plan(plan, robots[place], place, path.name, jobs, designs) for place, plan in plans.items()
+        ]
     return results[0]
 
 

@@ -14,7 +14,12 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from identification.errors import InputError
 from identification.parameters import DEFAULT_GROUPS
 
+from .containment.names import FolderName, require_free
+from .containment.shape import require_shape
 from .yaml_file import read_fields
+
+# Files that a run leaves in its folder, where the variants' folders are.
+WRITTEN = ("estimate.json", "excitation.json", "fit.h5", "nominal.xml", "report.html", "session.rrd")
 
 
 def _quantity(unit: str) -> BeforeValidator:
@@ -159,7 +164,7 @@ class Scenario(_Section):
     variants: name to the fields that differ; each is run beside the scenario itself.
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")]
+    name: FolderName
     model: Path
     seed: Annotated[int, Field(ge=0)] = 0
     excitation: ExcitationSection = ExcitationSection()
@@ -184,6 +189,8 @@ def load_scenario(path: str | Path) -> tuple[Scenario, dict[str, Scenario]]:
     if not isinstance(variants, dict) or not all(isinstance(v, dict) for v in variants.values()):
         raise InputError(path, "variants", "a mapping of names to fields", repr(variants)[:80])
     scenario = _validated(path, "", content)
+    names = require_shape(path, dict[FolderName, Any], {str(name): 0 for name in variants}, "variants.")
+    require_free(names, WRITTEN, path, "variants")
     out = {}
     for name, changes in variants.items():
         named = {"name": f"{content.get('name', '')}-{name}"}

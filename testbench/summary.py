@@ -1,22 +1,20 @@
 """The result of an identification as tables for the terminal."""
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
 from .findings import headline, parameter_rows, significant, torque_error
 from .results import IdentificationResult
+from .terminal import WIDTH as WIDTH
+from .terminal import console
 
-WIDTH = 110
 LONGEST_NAME = 28
 
 
 def print_summary(result: IdentificationResult) -> None:
     """Print the summary on standard output, 110 columns wide where that is not a terminal."""
-    console = Console()
-    if not console.is_terminal:
-        console.width = WIDTH
-    console.print(summary(result))
+    console().print(summary(result))
 
 
 def summary(result: IdentificationResult) -> Group:
@@ -33,7 +31,7 @@ def _parameters(result: IdentificationResult) -> Table:
         table.add_column(name, justify="right", no_wrap=True)
     for row in parameter_rows(result):
         name = row.name if len(row.name) <= LONGEST_NAME else row.name[: LONGEST_NAME - 1] + "…"
-        cells = [
+        cells: list[str | Text] = [
             name,
             row.unit,
             significant(row.value),
@@ -45,7 +43,7 @@ def _parameters(result: IdentificationResult) -> Table:
             cells += [
                 significant(row.truth),
                 significant(row.error, 2),
-                f"[red]{significant(row.error_std, 2)}[/red]" if outside else significant(row.error_std, 2),
+                Text(significant(row.error_std, 2), "red" if outside else ""),
                 significant(row.cramer_rao, 2),
             ]
         table.add_row(*cells)

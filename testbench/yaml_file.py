@@ -1,30 +1,12 @@
 """YAML files as plain fields, each said once."""
 
-from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from identification.errors import InputError
 
+from .containment.yaml_text import read_bounded_yaml
 from .files import require_file
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML itself would take the last of two equal keys, and say nothing."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen = set()
-        for key, _ in node.value:
-            # A key that is a list, or a mapping, is refused as one that cannot be hashed.
-            if not isinstance(key, yaml.ScalarNode):
-                continue
-            if key.value in seen:
-                got = f"it again in line {key.start_mark.line + 1}"
-                raise InputError("YAML", key.value, "every key once", got)
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
 
 
 def read_fields(path: Path, what: str = "scenario") -> dict[str, Any]:
@@ -34,12 +16,7 @@ def read_fields(path: Path, what: str = "scenario") -> dict[str, Any]:
     would count as 1 and 0.
     """
     require_file(path, what, "an existing YAML file")
-    try:
-        content = yaml.load(path.read_text(encoding="utf-8"), _Loader)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(path, what, "YAML", " ".join(str(error).split())) from None
-    except InputError as error:
-        raise error.located(path) from None
+    content = read_bounded_yaml(path, what)
     if not isinstance(content, dict):
         raise InputError(path, what, "a mapping of fields", type(content).__name__)
     _refuse_booleans(path, "", content)

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -36,6 +37,19 @@ def test_no_worker_outlives_a_signal(number: signal.Signals, code: int) -> None:
     # Ends only once nobody holds standard output any more.
     running.communicate(timeout=60)
     assert running.returncode in (code, -number)
+
+
+def test_no_worker_outlives_a_parent_that_is_killed() -> None:
+    running = subprocess.Popen(
+        [sys.executable, "-c", AT_WORK], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert running.stdout is not None
+    assert running.stdout.readline() == b"asleep\n"
+    running.kill()
+    began = time.monotonic()
+    # Ends only once nobody holds standard output any more.
+    running.communicate(timeout=60)
+    assert time.monotonic() - began < 5
 
 
 def test_a_pool_works_and_gives_sigterm_back() -> None:

@@ -1,6 +1,8 @@
 """The simulated robot's closed loop: its laws, itself on other threads and steps, and what it refuses."""
 
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -164,6 +166,25 @@ def test_robots_that_differ_run_in_one_batch(arm: Robot, tmp_path: Path) -> None
     assert same(mixed[0], simulate(arm, [ARM_MOTION])[0])
     assert same(mixed[1], simulate(heavy, [ARM_MOTION])[0])
     assert not same(*mixed)
+
+
+def test_models_are_compiled_while_a_simulation_runs(arm: Robot) -> None:
+    text, finished = arm.path.read_text(), threading.Event()
+
+    def compile_models() -> int:
+        count = 0
+        while not finished.is_set():
+            mujoco.MjModel.from_xml_string(text)
+            count += 1
+        return count
+
+    with ThreadPoolExecutor(1) as beside:
+        compiled = beside.submit(compile_models)
+        (alongside,) = simulate(arm, [ARM_MOTION])
+        finished.set()
+        assert compiled.result() > 10
+    (alone,) = simulate(arm, [ARM_MOTION])
+    np.testing.assert_array_equal(alongside.torque, alone.torque)
 
 
 def test_the_callbacks_of_mujoco_are_put_back(arm: Robot) -> None:

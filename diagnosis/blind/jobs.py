@@ -21,6 +21,7 @@ from .seal import ANSWERS, MANIFEST, opened, seal
 from .verdict import score_document, verdict
 
 SCORE, TABLE, REPORT = "score.json", "cases.csv", "report.html"
+SCORES = (SCORE, TABLE, REPORT)
 
 
 def make(scenario_file: Path, out: Path, seed: int | None = None, jobs: int | None = None) -> None:

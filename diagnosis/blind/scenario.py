@@ -6,6 +6,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from identification.errors import InputError
+from testbench.containment.names import FolderName
 from testbench.scenario import Fraction, Seconds, first_fault
 from testbench.yaml_file import read_fields
 
@@ -87,7 +88,7 @@ class BlindScenario(_Section):
     every joint.
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")]
+    name: FolderName
     seed: Annotated[int, Field(ge=0)] = 0
     cases: CasesSection = CasesSection()
     robots: Annotated[tuple[RobotSection, ...], Field(min_length=1)]

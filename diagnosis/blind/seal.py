@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from identification.errors import InputError
+from testbench.containment.shape import inside, require_shape
 from testbench.files import read_json, write_json
 
+from ..shapes import Answers, Manifest
 from .case import CASES, SEALED, places
 
 MANIFEST, ANSWERS = "manifest.json", "answers.json"
@@ -37,14 +39,16 @@ def opened(out: Path) -> list[dict[str, Any]]:
     manifest = read_json(out / MANIFEST)
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise InputError(out / MANIFEST, "format", FORMAT, "something else")
+    require_shape(out / MANIFEST, Manifest, manifest)
     for name, expected in manifest["sha256"].items():
-        path = out / name
+        path = inside(out, name, out / MANIFEST, "sha256")
         if not path.is_file():
             raise InputError(path, "sealed file", "the file of the manifest", "no such file")
         found = _hash(path)
         if found != expected:
             raise InputError(path, "sha256", expected, found)
-    return read_json(out / SEALED / ANSWERS)["answers"]
+    answers = require_shape(out / SEALED / ANSWERS, Answers, read_json(out / SEALED / ANSWERS))
+    return answers["answers"]
 
 
 def _hash(path: Path) -> str:

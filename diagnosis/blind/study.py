@@ -11,11 +11,13 @@ from diagnosis.diagnose import diagnose
 from diagnosis.document import write_diagnosis
 from diagnosis.predict import DOCUMENT, read_diagnosed
 from identification.errors import InputError
+from testbench.containment.shape import require_shape
 from testbench.effects import effects
 from testbench.files import read_json, require_writable, write_json
 from testbench.log import read_log
 from testbench.robot import load_robot
 
+from ..shapes import StudyResult
 from .case import CASES, SEALED, Places, make_case, places
 from .draw import case_names, kinds_of
 from .hidden import hidden_error
@@ -78,7 +80,10 @@ def study(
     for folder in (plan.results / "diagnoses", out / CASES, out / SEALED):
         if folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
-    rows = [_row(read_json(plan.result(names[index])), without) for index in chosen]
+    results = {plan.result(names[index]): read_json(plan.result(names[index])) for index in chosen}
+    for path, result in results.items():
+        require_shape(path, StudyResult, result)
+    rows = [_row(result, without) for result in results.values()]
     return write_scores([row for row in rows if row is not None], plan.results)
 
 

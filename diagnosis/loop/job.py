@@ -13,6 +13,7 @@ from testbench.progress import steps
 from ..discrimination import FILE
 from ..job import diagnose_logs
 from ..predict import DOCUMENT
+from ..shapes import require_diagnosis
 from .outcome import Outcome, Round, loop_document, outcome, read_round
 from .page import write_page
 from .scenario import LoopScenario, load_loop_scenario
@@ -20,6 +21,7 @@ from .summary import print_summary
 from .withheld import Withheld, first_motions, other_motion, recorded, withheld
 
 NOMINAL, BEGUN, RESULT, PAGE = "nominal.xml", "scenario.json", "loop.json", "report.html"
+WRITTEN = (NOMINAL, BEGUN, RESULT, PAGE, "round_1")
 
 
 def close_loop(scenario_file: Path, out: Path, seed: int | None = None, jobs: int | None = None) -> Outcome:
@@ -65,7 +67,9 @@ def _round(robot: Withheld, out: Path, number: int, jobs: int | None) -> Round:
         for index, recording in enumerate(recordings, start=first):
             write_log(recording, folder / f"run_{index}.h5")
         diagnose_logs(out / NOMINAL, _logs(out, number), folder, seed=robot.scenario.seed, jobs=jobs)
-    return read_round(number, read_json(folder / DOCUMENT))
+    document = read_json(folder / DOCUMENT)
+    require_diagnosis(document, folder / DOCUMENT)
+    return read_round(number, document)
 
 
 def _folder(out: Path, number: int) -> Path:

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from identification.errors import InputError
+from testbench.containment.names import FolderName
 from testbench.scenario import (
     BackgroundSection,
     EffectSection,
@@ -42,7 +43,7 @@ class LoopScenario(_Section):
     of the first kind. The other sections are those of ``testbench run``.
     """
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")]
+    name: FolderName
     model: Path
     seed: Annotated[int, Field(ge=0)] = 0
     rounds: Annotated[int, Field(ge=1, le=20)] = 3

@@ -1,9 +1,8 @@
 """The loop in ten lines for the terminal."""
 
-from rich.console import Console
 from rich.text import Text
 
-from testbench.summary import WIDTH
+from testbench.terminal import console
 
 from . import wording
 from .outcome import Outcome
@@ -13,10 +12,7 @@ MOST_LINES, LAST_ROUNDS, MOST_EFFECTS = 10, 3, 1
 
 def print_summary(found: Outcome) -> None:
     """Print the summary on standard output, 110 columns wide where that is not a terminal."""
-    console = Console()
-    if not console.is_terminal:
-        console.width = WIDTH
-    console.print(summary(found), soft_wrap=True)
+    console().print(summary(found), soft_wrap=True)
 
 
 def summary(found: Outcome) -> Text:

@@ -18,7 +18,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from testbench.files import replacing
 from testbench.recording import (
     APPLICATION,
     MEASURED,
@@ -31,6 +30,7 @@ from testbench.recording import (
     time_column,
 )
 from testbench.scene import body_poses, log_floor, log_motion, log_robot, reach
+from testbench.session_file import session_file
 
 from ..discrimination import NextExperiment
 from ..findings import Diagnosis
@@ -56,10 +56,7 @@ def write_session(
 ) -> None:
     """Write the Rerun recording of a diagnosis, whole or not at all."""
     order = _by_gap(diagnosis)
-    with replacing(path) as temporary:
-        # The robot's name as id: the same input gives the same recording id.
-        stream = rr.RecordingStream(APPLICATION, recording_id=diagnosis.robot.name, send_properties=False)
-        stream.save(temporary, default_blueprint=_layout(diagnosis, order))
+    with session_file(path, APPLICATION, diagnosis.robot.name, _layout(diagnosis, order)) as stream:
         stream.send_recording_name(f"{diagnosis.robot.name}, diagnosis")
         text = rr.TextDocument(_markdown(diagnosis, next_experiment), media_type="text/markdown")
         stream.log("summary", text, static=True)
@@ -67,7 +64,6 @@ def write_session(
         for index in order:
             _log_scene(stream, diagnosis, index)
             _log_joints(stream, diagnosis, index)
-        stream.disconnect()
 
 
 def _by_gap(diagnosis: Diagnosis) -> list[int]:

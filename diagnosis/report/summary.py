@@ -1,10 +1,9 @@
 """The diagnosis in ten lines for the terminal."""
 
 import numpy as np
-from rich.console import Console
 from rich.text import Text
 
-from testbench.summary import WIDTH
+from testbench.terminal import console
 
 from ..discrimination import NextExperiment
 from ..findings import Diagnosis
@@ -15,10 +14,7 @@ MOST_LINES, MOST_EFFECTS, MOST_RIVALS = 10, 3, 2
 
 def print_summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None) -> None:
     """Print the summary on standard output, 110 columns wide where that is not a terminal."""
-    console = Console()
-    if not console.is_terminal:
-        console.width = WIDTH
-    console.print(summary(diagnosis, next_experiment), soft_wrap=True)
+    console().print(summary(diagnosis, next_experiment), soft_wrap=True)
 
 
 def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None) -> Text:

@@ -169,7 +169,12 @@ def descend(problem: DesignProblem, z: Array, iterations: int, report: Callable[
     """The variables that the optimiser comes to from ``z``; limits are kept on the coarse grid only."""
     count = itertools.count(1)
     # SLSQP starts from a unit Hessian: so scaled, its first step is small against the limits.
-    scale = FIRST_STEP / float(np.linalg.norm(problem.gradient(z)))
+    steepest = float(np.linalg.norm(problem.gradient(z)))
+    if not 0 < steepest < np.inf:
+        raise InputError(
+            "excitation", "parameters", "parameters that a motion can tell more or less of", "none"
+        )
+    scale = FIRST_STEP / steepest
 
     def scaled_value(z: Array) -> float:
         return scale * problem.value(z)

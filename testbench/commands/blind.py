@@ -25,8 +25,10 @@ def blind_make(
 ) -> None:
     """Draw and simulate cases, and seal their answers."""
     from diagnosis.blind.jobs import make
+    from testbench.containment.folder import results_folder
 
-    make(scenario, out, seed, jobs)
+    with results_folder(out, ("cases", "sealed", "manifest.json"), resumes=True):
+        make(scenario, out, seed, jobs)
 
 
 @app.command(name="score")
@@ -38,9 +40,11 @@ def blind_score(
     out: Annotated[Path, Parameter(help="folder for score.json, cases.csv and report.html")],
 ) -> None:
     """Open the sealed answers and score the diagnoses."""
-    from diagnosis.blind.jobs import score
+    from diagnosis.blind.jobs import SCORES, score
+    from testbench.containment.folder import results_folder
 
-    score(cases, diagnoses, out)
+    with results_folder(out, SCORES):
+        score(cases, diagnoses, out)
 
 
 @app.command(name="study")
@@ -57,6 +61,9 @@ def blind_study(
     jobs: Processes = None,
 ) -> None:
     """Make, diagnose and score every case of a scenario; resumable, in parallel."""
+    from diagnosis.blind.jobs import SCORES
     from diagnosis.blind.study import study
+    from testbench.containment.folder import results_folder
 
-    study(scenario, out, seed, jobs, keep_logs, without)
+    with results_folder(out, ("results", "scenario.json", *SCORES), resumes=True):
+        study(scenario, out, seed, jobs, keep_logs, without)

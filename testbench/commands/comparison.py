@@ -27,9 +27,12 @@ def compare(
 
     # What follows takes seconds to load.
     require_question(question)
+    from ..compare.compare import WRITTEN
     from ..compare.compare import compare as run_comparison
+    from ..containment.folder import results_folder
 
-    run_comparison(question, scenario, out, jobs, scheduler, seed)
+    with results_folder(out, WRITTEN, resumes=True):
+        run_comparison(question, scenario, out, jobs, scheduler, seed)
 
 
 def list_names(*, json: Annotated[bool, Parameter(help="for machines", negative=())] = False) -> None:

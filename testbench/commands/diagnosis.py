@@ -30,9 +30,11 @@ def diagnose(
     jobs: Jobs = None,
 ) -> None:
     """Say why simulator and robot differ: where, which effect, how far it shrinks, what to do next."""
-    from diagnosis.job import diagnose_logs
+    from diagnosis.job import WRITTEN, diagnose_logs
+    from testbench.containment.folder import results_folder
 
-    told = diagnose_logs(model, logs, out, without or (), seed, jobs, map)
+    with results_folder(out, WRITTEN):
+        told = diagnose_logs(model, logs, out, without or (), seed, jobs, map)
     # It is imported by then, behind the closed loop.
     from diagnosis.report import print_summary
 
@@ -64,6 +66,8 @@ def loop(
     jobs: Jobs = None,
 ) -> None:
     """Close the loop on a simulated robot: diagnose, run the proposed motion, diagnose again."""
-    from diagnosis.loop.job import close_loop
+    from diagnosis.loop.job import WRITTEN, close_loop
+    from testbench.containment.folder import results_folder
 
-    close_loop(scenario, out, seed, jobs)
+    with results_folder(out, WRITTEN, resumes=True):
+        close_loop(scenario, out, seed, jobs)

@@ -136,9 +136,11 @@ def identify(
     from identification.parameters import GROUPS
     from identification.pipeline import IdentificationOptions
 
+    from ..containment.folder import results_folder
     from ..identify import identify_logs
 
     groups = tuple(GROUPS) if parameters is None else tuple(parameters)
     preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
     options = IdentificationOptions(estimator, groups, preprocessing)
-    identify_logs(model, logs, validate or [], out, options, write_model, map)
+    with results_folder(out, ("estimate.json", "report.html")):
+        identify_logs(model, logs, validate or [], out, options, write_model, map)

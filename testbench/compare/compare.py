@@ -26,6 +26,7 @@ from .verdict import verdict
 
 SCENARIOS = Path("scenarios")
 PAGE = "report.html"
+WRITTEN = ("cases", "results.csv", "summary.csv", PAGE)
 
 
 def compare(

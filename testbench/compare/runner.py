@@ -10,10 +10,12 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from typing_extensions import TypedDict
 
 from identification.errors import InputError
 
-from ..files import replacing
+from ..containment.shape import require_shape
+from ..files import read_json, replacing
 from ..processes import process_pool
 from .case import Case, Row, run_case
 
@@ -45,7 +47,7 @@ def run_cases(
                     for future in running:
                         future.cancel()
                     raise
-    return [json.loads(place.read_text(encoding="utf-8"))["row"] for place in places]
+    return [_kept(place) for place in places]
 
 
 def _keep(case: Case, row: Row, place: Path) -> None:
@@ -53,6 +55,28 @@ def _keep(case: Case, row: Row, place: Path) -> None:
     document = {"question": case.question, "settings": case.settings, "row": row}
     with replacing(place) as temporary:
         temporary.write_text(json.dumps(document, ensure_ascii=False, indent=1), encoding="utf-8")
+
+
+class _Row(TypedDict):
+    choice: str
+    level: str
+    seed: int
+    note: str | None
+
+
+class _Named(TypedDict):
+    row: _Row
+
+
+class _Kept(TypedDict):
+    row: dict[str, float | int | str | None]
+
+
+def _kept(place: Path) -> Row:
+    """The row of a finished case. Raises InputError."""
+    document = read_json(place)
+    require_shape(place, _Named, document)
+    return require_shape(place, _Kept, document)["row"]
 
 
 @contextmanager
@@ -78,7 +102,7 @@ def _executor(workers: int, scheduler: str | None) -> Iterator[Executor]:
 def _progress(total: int, done: int) -> Iterator[Callable[[str], None]]:
     """Yields a function that counts one more case; shown on a terminal with the time left."""
     columns = (
-        TextColumn("{task.description:30}"),
+        TextColumn("{task.description:30}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),

@@ -83,7 +83,8 @@ def _word(address: int) -> int:
 def installed_control(callback: Any) -> Iterator[None]:
     """Run MuJoCo with a compiled mjcb_control, given as a ctypes function; what was there is put back.
 
-    MuJoCo's callbacks are global: until the block ends, nothing else in the process may step.
+    MuJoCo's callbacks are global: until the block ends, whatever steps or compiles a model elsewhere in the
+    process calls it too, and it must do nothing there (see loop_callback).
     mjcb_time is taken out meanwhile: reading clocks for its profile takes a quarter of a small step.
     """
     time = ctypes.c_void_p.in_dll(_library, "mjcb_time")

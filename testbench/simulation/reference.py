@@ -10,6 +10,9 @@ from identification.excitation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+# Of one run: an hour at 1 kHz is a third of it.
+MOST_SAMPLES = 10_000_000
+
 
 @dataclass(frozen=True)
 class Reference:
@@ -50,11 +53,15 @@ class Reference:
 def sample_reference(trajectory: Trajectory, rate: float, periods: int = 1) -> Reference:
     """``periods`` repetitions of a trajectory at ``rate`` Hz, first and last instant included.
 
-    Raises InputError for a rate or a number of periods that is not positive.
+    Raises InputError for a rate or a number of periods that is not positive, and for too many samples.
     """
     if not (np.isfinite(rate) and rate > 0):
         raise InputError("reference", "rate", "a positive rate in Hz", rate)
     if periods < 1:
         raise InputError("reference", "periods", "at least 1", periods)
-    time = np.arange(round(trajectory.duration * periods * rate) + 1) / rate
+    samples = trajectory.duration * periods * rate
+    if not samples <= MOST_SAMPLES:
+        got = f"{trajectory.duration:.4g} s x {periods} at {rate:g} Hz"
+        raise InputError("reference", "samples", f"at most {MOST_SAMPLES}", got)
+    time = np.arange(round(samples) + 1) / rate
     return Reference(*trajectory.evaluate(time))

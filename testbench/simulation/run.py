@@ -27,6 +27,8 @@ from .unmodelled import Acting, put_in, told
 
 Array = NDArray[np.float64]
 
+# s; below it the steps of a minute take an hour.
+SHORTEST_STEP = 1e-6
 POSITION_CHANNEL, TORQUE_CHANNEL = 0, 1
 
 
@@ -47,6 +49,8 @@ class SimulationOptions:
         if not (np.isfinite(step) and step > 0) or abs(self.substeps * step - period) > 1e-6 * period:
             expected = f"a positive step that divides the control period of {period:g} s"
             raise InputError("simulation", "physics_timestep", expected, step)
+        if step < SHORTEST_STEP:
+            raise InputError("simulation", "physics_timestep", f"at least {SHORTEST_STEP:g} s", step)
 
     @property
     def substeps(self) -> int:

@@ -36,7 +36,11 @@ def loop_callback(
     def control(model: int, data: int) -> None:
         # Each field of mjData is a pointer: its word holds the array's address.
         slot = carray(address_pointer(data + xfrc_applied), 1)[0]
-        context = carray(layout.context_pointer(carray(address_pointer(slot), 1)[0]), 1)[0]
+        place = carray(address_pointer(slot), 1)[0]
+        # mjcb_control is the process's: a model that another thread compiles meanwhile is stepped with it.
+        if place == 0:
+            return
+        context = carray(layout.context_pointer(place), 1)[0]
         n = context.joints
         closed_loop_step(
             context,

@@ -1,0 +1,117 @@
+"""Good inputs of every kind that is read, small enough to be damaged by the thousand."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagnosis.blind.scenario import load_blind_scenario
+from diagnosis.loop.scenario import load_loop_scenario
+from diagnosis.predict import read_diagnosed
+from testbench.excitation_file import read_trajectory
+from testbench.log import Controller, Recording, read_log, write_log
+from testbench.robot import load_robot
+from testbench.scenario import load_scenario
+
+from ..small_arm import ARM, SCENARIO
+
+SAMPLES = 150
+LOOP = "name: small\nmodel: arm.xml\nrounds: 1\nfirst: {runs: 1, harmonics: 4, base_frequency: 0.25 Hz}\n"
+BLIND = """
+name: small
+cases: {single: 1, pair: 0, triple: 0, none: 1, unknown: 0}
+robots:
+  - {model: arm.xml}
+runs: {fewest: 2, most: 2, shortest: 4 s, longest: 4.5 s, sample_rates: [500]}
+"""
+MOTION = {
+    "joint_names": ["shoulder", "elbow"],
+    "trajectory": {
+        "type": "fourier",
+        "base_frequency": 0.25,
+        "centre": [0.1, 0.2],
+        "a": [[0.5, -0.5], [0.3, -0.3]],
+        "b": [[0.4, -0.2], [0.2, -0.1]],
+    },
+}
+
+
+@dataclass(frozen=True)
+class Input:
+    """A file that is read. name: of the file. content: a good one. read: what reads it."""
+
+    name: str
+    content: bytes
+    read: Callable[[Path], Any]
+
+
+def inputs(folder: Path) -> list[Input]:
+    """Every kind of file, with what it needs beside it in ``folder``."""
+    (folder / "arm.xml").write_text(ARM)
+    motion = np.sin(np.linspace(0.0, 6.0, SAMPLES))[:, np.newaxis] * [1.0, 0.7]
+    controller = Controller("pd", 250.0, np.ones(2), np.ones(2))
+    log = Recording(
+        "arm",
+        ("shoulder", "elbow"),
+        250.0,
+        "hardware",
+        np.arange(SAMPLES) / 250,
+        motion,
+        20 * motion,
+        velocity=motion,
+        controller=controller,
+        provenance={"created": "2026-01-02T03:04:05+00:00", "seed": 7},
+    )
+    write_log(log, folder / "run.h5")
+    return [
+        Input("run.h5", (folder / "run.h5").read_bytes(), read_log),
+        Input("model.xml", ARM.encode(), load_robot),
+        Input("scenario.yaml", SCENARIO.encode(), load_scenario),
+        Input("loop.yaml", LOOP.encode(), load_loop_scenario),
+        Input("blind.yaml", BLIND.encode(), load_blind_scenario),
+        Input("motion.json", json.dumps(MOTION).encode(), read_trajectory),
+        Input(
+            "diagnosis.json",
+            json.dumps(_diagnosis(folder)).encode(),
+            lambda path: read_diagnosed(path.parent),
+        ),
+    ]
+
+
+def _diagnosis(folder: Path) -> dict[str, Any]:
+    robot = load_robot(folder / "arm.xml")
+    n, chain = robot.joints, robot.chain
+    standard = robot.parameters.tolist()
+    term = {
+        "effect": "payload",
+        "joint": None,
+        "into": None,
+        "shape": {},
+        "coefficients": [1.0],
+        "carried": False,
+    }
+    return {
+        "format": "gap-diagnosis",
+        "correction": {
+            "chain": {
+                "joint_names": list(chain.joint_names),
+                "is_slide": chain.is_slide.tolist(),
+                "rotation": chain.rotation.tolist(),
+                "translation": chain.translation.tolist(),
+                "gravity": chain.gravity.tolist(),
+                "springs": chain.springs.tolist(),
+            },
+            "limits": {name: [None] * n for name in ("lower", "upper", "velocity", "acceleration", "torque")},
+            "nominal": standard,
+            "coulomb_smoothing": [0.0] * n,
+            "coulomb_lead": 0.0,
+            "lag": {"delay": 0.0, "order": 0, "time_constant": 0.0},
+            "zeros": [0.0] * n,
+            "parameters": {"standard": standard, "timing": 0.0},
+            "effects": {"standard": standard, "timing": 0.0, "linearised_at": standard, "terms": [term]},
+            "last_body": {"rotation": np.eye(3).tolist(), "origin": [0.0, 0.0, 0.0]},
+        },
+    }
