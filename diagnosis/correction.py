@@ -14,6 +14,7 @@ from testbench.torque_lag import TorqueLag
 
 from .evidence import Fit
 from .findings import Diagnosis
+from .held_out.shrinkage import Kept
 from .hypothesis import Design
 
 Array = NDArray[np.float64]
@@ -47,6 +48,7 @@ class Corrected:
     linearised: (14 n,) that the effects' columns are taken at; zeros: (n,) rad, likewise, as of Logged.
     coulomb_smoothing, coulomb_lead: (n,) rad/s (m/s) and s, of Coulomb friction in what was re-identified, as
     of Logged. body_rotation (3, 3), body_origin (3,) m: the last body's frame in the last link's.
+    kept: how much of what was fitted the torque has.
     """
 
     chain: Chain
@@ -64,6 +66,7 @@ class Corrected:
     body_rotation: Array
     body_origin: Array
     terms: tuple[Term, ...]
+    kept: Kept
 
 
 def corrected_model(diagnosis: Diagnosis) -> Corrected:
@@ -95,6 +98,7 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
         body_rotation=logged.body_rotation,
         body_origin=logged.body_origin,
         terms=tuple(terms),
+        kept=diagnosis.kept,
     )
 
 
@@ -138,6 +142,12 @@ def correction_document(model: Corrected) -> dict[str, Any]:
                 }
                 for term in model.terms
             ],
+        },
+        "kept": {
+            "parameters": model.kept.parameters.tolist(),
+            "effects": model.kept.effects.tolist(),
+            "parameters_whole": model.kept.parameters_whole,
+            "effects_whole": model.kept.effects_whole,
         },
         "last_body": {"rotation": model.body_rotation.tolist(), "origin": model.body_origin.tolist()},
         "units": "SI at the joint; 14 standard parameters a joint, timing in s",
@@ -183,6 +193,10 @@ def read_correction(document: Any, source: object) -> Corrected:
                     is_carried=bool(term.get("carried", False)),
                 )
                 for term in effects["terms"]
+            ),
+            kept=Kept(
+                *(np.array(document["kept"][name], dtype=np.float64) for name in ("parameters", "effects")),
+                *(float(document["kept"][name]) for name in ("parameters_whole", "effects_whole")),
             ),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:

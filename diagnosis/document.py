@@ -121,6 +121,8 @@ def diagnosis_document(
         "low_passed": _low_passed(diagnosis.prepared.lag),
         "noise_unseen": [names[joint] for joint in diagnosis.noise_unseen],
         "silent": [names[joint] for joint in sorted(diagnosis.prepared.silent)],
+        "still": [names[joint] for joint in sorted(diagnosis.prepared.still)],
+        "one_sine": [names[joint] for joint in sorted(diagnosis.one_sine)],
         "untold": [names[joint] for joint in diagnosis.untold],
         "mended": diagnosis.mended,
         "everywhere": [{"effect": effect, "joint": name(joint)} for effect, joint in diagnosis.everywhere],

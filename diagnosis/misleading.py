@@ -6,7 +6,7 @@ import numpy as np
 
 from .accepted import Accepted
 from .attribution import Attribution
-from .evidence import Fit, on_whole_runs, squares
+from .evidence import Fit, fitted_to, on_whole_runs, squares
 from .hypothesis import Design
 from .naming import without_one
 
@@ -32,6 +32,23 @@ def without_misleading(
             return found, final
         trials = [_without(found, place) for place in loading]
         found, final = min(trials, key=lambda trial: float(squares(trial[1][1].held_out)[joint]))
+
+
+def without_untold(found: Attribution) -> Attribution:
+    """The attribution without effects that have no name, at joints of which too little is told for one.
+
+    There a few seconds of one motion suit any law, and another motion does not.
+    """
+    told = found.hypothesis.is_told
+    kept = [
+        item
+        for item in found.accepted
+        if item.named or item.candidate.family.joint is None or told[item.candidate.family.joint]
+    ]
+    if len(kept) == len(found.accepted):
+        return found
+    hypothesis, fitted = fitted_to(found.prepared, [item.candidate for item in kept])
+    return replace(found, accepted=tuple(kept), hypothesis=hypothesis, fitted=fitted)
 
 
 def _without(found: Attribution, place: int) -> tuple[Attribution, tuple[Design, Fit]]:

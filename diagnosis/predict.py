@@ -116,8 +116,8 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     for torque in _term_torques(model.terms, logged):
         corrected += torque
     parameters = TorqueLag(model.parameters_timing).put_on(parameters, rate)
-    as_logged = (model.lag.put_on(torque, rate) for torque in (parameters, corrected))
-    torques = (nominal, *as_logged)
+    as_logged = [model.lag.put_on(torque, rate) for torque in (parameters, corrected)]
+    torques = (nominal, *model.kept.of_torque(nominal, *as_logged))
     # A log whose time stamps stray was resampled.
     return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
 

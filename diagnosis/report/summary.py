@@ -56,8 +56,7 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
     told = " → ".join(f"{np.sum(rms):.3g} {name}" for name, rms in stages)
     share = gap.told_closed
     closed = "" if share is None or not diagnosis.effects else f"; {100 * share:.0f} % closed"
-    unit = words.torque_unit(robot)
-    lines.append(_line("gap", f"{told}, noise {np.sum(gap.noise_floor):.3g} {unit}{closed}"))
+    lines.append(_line("gap", f"{told}, {words.noise_floor(diagnosis)}{closed}"))
     if next_experiment is not None:
         lines.append(_line("next", next_experiment.why))
     return Text("\n").join(lines[:MOST_LINES])
