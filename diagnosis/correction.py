@@ -195,8 +195,10 @@ def read_correction(document: Any, source: object) -> Corrected:
                 for term in effects["terms"]
             ),
             kept=Kept(
-                *(np.array(document["kept"][name], dtype=np.float64) for name in ("parameters", "effects")),
-                *(float(document["kept"][name]) for name in ("parameters_whole", "effects_whole")),
+                parameters=np.array(document["kept"]["parameters"], dtype=np.float64),
+                effects=np.array(document["kept"]["effects"], dtype=np.float64),
+                parameters_whole=float(document["kept"]["parameters_whole"]),
+                effects_whole=float(document["kept"]["effects_whole"]),
             ),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:

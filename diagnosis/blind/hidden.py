@@ -62,6 +62,7 @@ def floor(nominal: Robot, twin: Sequence[Recording]) -> Array:
         body_rotation=logged.body_rotation,
         body_origin=logged.body_origin,
         terms=(),
+        kept=everything(nominal.joints),
     )
     return hidden_error(model, hidden).parameters
 
