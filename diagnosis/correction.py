@@ -48,7 +48,7 @@ class Corrected:
     linearised: (14 n,) that the effects' columns are taken at; zeros: (n,) rad, likewise, as of Logged.
     coulomb_smoothing, coulomb_lead: (n,) rad/s (m/s) and s, of Coulomb friction in what was re-identified, as
     of Logged. body_rotation (3, 3), body_origin (3,) m: the last body's frame in the last link's.
-    kept: how much of what was fitted the torque has.
+    kept: how much of what was fitted the torque has. band: (n,) Hz, below which the fit is of each joint.
     """
 
     chain: Chain
@@ -67,6 +67,7 @@ class Corrected:
     body_origin: Array
     terms: tuple[Term, ...]
     kept: Kept
+    band: Array
 
 
 def corrected_model(diagnosis: Diagnosis) -> Corrected:
@@ -99,6 +100,7 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
         body_origin=logged.body_origin,
         terms=tuple(terms),
         kept=diagnosis.kept,
+        band=diagnosis.prepared.cutoff,
     )
 
 
@@ -149,8 +151,9 @@ def correction_document(model: Corrected) -> dict[str, Any]:
             "parameters_whole": model.kept.parameters_whole,
             "effects_whole": model.kept.effects_whole,
         },
+        "band": model.band.tolist(),
         "last_body": {"rotation": model.body_rotation.tolist(), "origin": model.body_origin.tolist()},
-        "units": "SI at the joint; 14 standard parameters a joint, timing in s",
+        "units": "SI at the joint; 14 standard parameters a joint, timing in s, band in Hz",
     }
 
 
@@ -200,6 +203,7 @@ def read_correction(document: Any, source: object) -> Corrected:
                 parameters_whole=float(document["kept"]["parameters_whole"]),
                 effects_whole=float(document["kept"]["effects_whole"]),
             ),
+            band=np.array(document["band"], dtype=np.float64),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         expected = "the corrected model as diagnose writes it"

@@ -44,13 +44,19 @@ PARAMETERS_TORQUE = 0.01
 FAR_LESS = 0.2
 
 
-def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
+def diagnose(
+    robot: Robot,
+    recordings: Mapping[str, Recording],
+    without: Sequence[str] = (),
+    cutoff: float | None = None,
+) -> Diagnosis:
     """Why the model and the logs disagree.
 
     recordings: runs by name; their truth, where a simulation has written one, is not looked at.
-    without: effects taken out of the catalogue. Raises InputError for runs that are too short.
+    without: effects taken out of the catalogue. cutoff: Hz, no joint's band is wider; None for what its encoders
+    leave. Raises InputError for runs that are too short.
     """
-    found = without_untold(attribute(aligned(robot, recordings), without))
+    found = without_untold(attribute(aligned(robot, recordings, cutoff), without))
     prepared = found.prepared
     only = found.parameters_only[0], with_predictive_prior(*found.parameters_only)
     found, (hypothesis, fitted) = without_misleading(found, only)

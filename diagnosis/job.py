@@ -5,6 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
+
 from identification.errors import InputError
 from testbench.effects import effects
 from testbench.excitation_file import write_excitation
@@ -29,16 +31,20 @@ def diagnose_logs(
     without: Sequence[str] = (),
     seed: int = 0,
     jobs: int | None = None,
+    cutoff: float | None = None,
 ) -> tuple[Diagnosis, NextExperiment | None]:
     """Diagnose the logs against the model; write everything to ``out``.
 
-    without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. Leaves
+    without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. cutoff: Hz, no
+    joint's band is wider; None for what its encoders leave. Leaves
     corrected.xml, report.html, session.rrd, next_experiment.json where one helps, and diagnosis.json,
     which is written last. Raises InputError.
     """
     for name in without:
         if name not in effects():
             raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())
+    if cutoff is not None and not 0 < cutoff < np.inf:
+        raise InputError("diagnose", "--cutoff", "a frequency above 0, Hz", f"{cutoff:g}")
     require_writable(out / DOCUMENT)
     robot = load_robot(model)
     recordings = dict(zip(run_names(logs), read_runs(logs, robot), strict=True))
@@ -49,7 +55,7 @@ def diagnose_logs(
         aside.submit(import_module, ".report", __package__)
         with progress.step("diagnose"):
             try:
-                diagnosis = diagnose(robot, recordings, without)
+                diagnosis = diagnose(robot, recordings, without, cutoff)
             except InputError as error:
                 raise by_path(error, logs) from None
         with progress.step("corrected simulator"):

@@ -50,8 +50,11 @@ class PredictedTorque:
     corrected: Array
 
 
-def predict(directory: Path, log: Path, out: Path) -> PredictedTorque:
+def predict(directory: Path, log: Path, out: Path, raw: bool = False) -> PredictedTorque:
     """Predict the torque along LOG's motion with DIR's corrected model, write it to ``out`` and say so.
+
+    raw: at all frequencies; otherwise each joint's torque passes the low-pass of the fit, whose corner is the
+    datasets' attribute ``band``, Hz.
 
     ``out`` is a robot-log with LOG's time and motion, the corrected model's torque as joint/torque, and
     nominal/torque and parameters/torque beside it. LOG's torque is never used. Raises InputError.
@@ -64,6 +67,9 @@ def predict(directory: Path, log: Path, out: Path) -> PredictedTorque:
         predicted = predict_torque(model, recording)
     except InputError as error:
         raise by_path(error, [log]) from None
+    band = np.minimum(model.band, filter_cutoff(recording.sample_rate))
+    if not raw:
+        predicted = in_band(predicted, recording.sample_rate, band)
     written = Recording(
         robot=recording.robot,
         joint_names=recording.joint_names,
@@ -82,9 +88,22 @@ def predict(directory: Path, log: Path, out: Path) -> PredictedTorque:
             for name, torque in (("nominal", predicted.nominal), ("parameters", predicted.parameters)):
                 dataset = file.create_dataset(f"{name}/torque", data=torque, track_times=False)
                 dataset.attrs["unit"] = unit
+            for name in () if raw else ("joint", "nominal", "parameters"):
+                file[f"{name}/torque"].attrs["band"] = band
     samples, joints = predicted.corrected.shape
     print(f"{out}: predicted torque of {joints} joints at {samples} instants of {log}")
     return predicted
+
+
+def in_band(predicted: PredictedTorque, sample_rate: float, band: Array) -> PredictedTorque:
+    """The torques with each joint's low-passed at its corner, (n,) Hz, as a fit has it."""
+
+    def filtered(torque: Array) -> Array:
+        columns = zip(torque.T, band.tolist(), strict=True)
+        return np.column_stack([zero_phase_lowpass(own, sample_rate, corner) for own, corner in columns])
+
+    torques = (predicted.nominal, predicted.parameters, predicted.corrected)
+    return PredictedTorque(*(filtered(torque) for torque in torques))
 
 
 def read_diagnosed(directory: Path) -> Corrected:

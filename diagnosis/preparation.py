@@ -127,6 +127,11 @@ class Prepared:
         """Number of joints."""
         return self.robot.joints
 
+    @property
+    def cutoff(self) -> Array:
+        """(n,) Hz, each joint's low-pass."""
+        return self.band * max(filter_cutoff(run.logged.sample_rate) for run in self.runs)
+
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
         """Which joints move in each run, (R, n)."""
@@ -201,18 +206,24 @@ def filter_cutoff(sample_rate: float) -> float:
     return Preprocessing(CUTOFF).at(sample_rate).cutoff
 
 
-def prepare(robot: Robot, recordings: Mapping[str, Recording], lag: TorqueLag = IN_TIME) -> Prepared:
+def prepare(
+    robot: Robot,
+    recordings: Mapping[str, Recording],
+    lag: TorqueLag = IN_TIME,
+    highest: float | None = None,
+) -> Prepared:
     """Filter every run and write its equations.
 
-    lag: by which the recordings have their torque late. Raises InputError for runs that are too short, or
-    all at rest.
+    lag: by which the recordings have their torque late. highest: Hz, no joint's band is wider; None for what
+    the encoders leave. Raises InputError for runs that are too short, or all at rest.
     """
     if not recordings:
         raise InputError("diagnose", "logs", "at least one", 0)
     fast = fastest(robot.joints, list(recordings.values()))
     logs = [mended_log(name, recording, fast, lag) for name, recording in recordings.items()]
     widest = max(filter_cutoff(log.motion.sample_rate) for log in logs)
-    bands = joint_bands(robot.chain, robot.parameters, [log.motion for log in logs], widest)
+    motions, allowed = [log.motion for log in logs], min(widest, highest or widest)
+    bands = joint_bands(robot.chain, robot.parameters, motions, allowed)
     thinning = _thinning(robot, logs, float(bands.cutoff.max()))
     speaks = np.any([np.ptp(log.recording.torque, axis=0) > 0 for log in logs], axis=0)
     runs = tuple(_run(robot, log, bands.cutoff, thinning) for log in logs)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from identification.signals import Motion
 
-from ..band import position_noise
+from identification.band import position_noise
 
 Array = NDArray[np.float64]
 

@@ -23,13 +23,16 @@ def diagnose(
             validator=at_least_one("--without"),
         ),
     ] = None,
+    cutoff: Annotated[
+        float | None, Parameter(help="Hz, no joint's band is wider; without it as wide as its encoder's noise lets")
+    ] = None,
     seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
     """Say why simulator and robot differ: where, which effect, how far it shrinks, what to do next."""
     from diagnosis.job import diagnose_logs
 
-    told = diagnose_logs(model, logs, out, without or (), seed, jobs)
+    told = diagnose_logs(model, logs, out, without or (), seed, jobs, cutoff)
     # It is imported by then, behind the closed loop.
     from diagnosis.report import print_summary
 
@@ -42,11 +45,14 @@ def predict(
     *,
     diagnosis: Annotated[Path, Parameter(help="folder that diagnose has written")],
     out: Annotated[Path, Parameter(help="HDF5 to write")],
+    raw: Annotated[
+        bool, Parameter(help="at all frequencies, not in each joint's band alone", negative=())
+    ] = False,
 ) -> None:
     """Predict the torque along a log's motion by the corrected model; the log's torque is not read."""
     from diagnosis.predict import predict as predict_torque
 
-    predict_torque(diagnosis, log, out)
+    predict_torque(diagnosis, log, out, raw)
 
 
 def loop(
