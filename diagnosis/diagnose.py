@@ -21,6 +21,7 @@ from .healthy import OFFSET
 from .held_out.doubts import ONE_SINE, doubt, with_support
 from .held_out.prior_strength import with_predictive_prior
 from .held_out.shrinkage import Kept, shares_kept
+from .held_out.unlike import without_differences
 from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
@@ -56,7 +57,8 @@ def diagnose(
     without: effects taken out of the catalogue. cutoff: Hz, no joint's band is wider; None for what its encoders
     leave. Raises InputError for runs that are too short.
     """
-    found = without_untold(attribute(aligned(robot, recordings, cutoff), without))
+    alike, differences = without_differences(aligned(robot, recordings, cutoff))
+    found = without_untold(attribute(alike, without))
     prepared = found.prepared
     only = found.parameters_only[0], with_predictive_prior(*found.parameters_only)
     found, (hypothesis, fitted) = without_misleading(found, only)
@@ -113,6 +115,7 @@ def diagnose(
         ),
         misplaced=misplaced,
         one_sine=one_sine(prepared),
+        differences=differences,
         scales=scales,
         excessive=excessive,
     )

@@ -117,6 +117,15 @@ def diagnosis_document(
         "misplaced": _misplaced(diagnosis.misplaced, names),
         "torque_scale": {names[joint]: _number(factor) for joint, factor in diagnosis.scales.items()},
         "torque_by_limit": {names[joint]: _number(times) for joint, times in diagnosis.excessive.items()},
+        "differences": [
+            {
+                "run": each.run,
+                "kind": each.kind,
+                "mass": None if each.mass is None else _quantity(each.mass),
+                "offsets": _numbers(each.offsets),
+            }
+            for each in diagnosis.differences
+        ],
         "late": _number(diagnosis.prepared.lag.seconds),
         "low_passed": _low_passed(diagnosis.prepared.lag),
         "noise_unseen": [names[joint] for joint in diagnosis.noise_unseen],

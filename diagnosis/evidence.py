@@ -169,7 +169,6 @@ def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:
     prepared = hypothesis.prepared
     if len(prepared.runs) == 1 or len(prepared.runs) == len(prepared.folds):
         return fitted
-    alone = prepared.moved & (prepared.moved.sum(axis=0) == 1)
     whole = tuple((run, slice(0, len(each.time))) for run, each in enumerate(prepared.runs))
     of_run = np.array([run for run, _ in prepared.folds])
     folds = tuple(
@@ -177,7 +176,7 @@ def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:
         for part in normal_of(hypothesis).weighted(fitted.weights)
     )
     found = _with_held_out(hypothesis, fitted, folds, whole)
-    parts = zip(alone, fitted.held_out, found.held_out, strict=True)
+    parts = zip(prepared.moved_alone, fitted.held_out, found.held_out, strict=True)
     return replace(found, held_out=tuple(np.where(own, part, left) for own, part, left in parts))
 
 

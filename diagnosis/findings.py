@@ -14,6 +14,7 @@ from .candidates import Candidate
 from .evidence import Fit
 from .frames import Misplaced
 from .held_out.shrinkage import Kept
+from .held_out.unlike import Difference
 from .hypothesis import Design
 from .noise import noise
 from .preparation import Prepared
@@ -164,7 +165,8 @@ class Diagnosis:
     not_observable: effects nothing of which would show.
     recurrence: the push as one that every run has. everywhere: effects fitted without a name, as other joints
     are about as imperfect. misplaced: the frame of the model that is not the robot's, beside which nothing is
-    told. one_sine: joints that follow one sine in each run. scales: by joint, the factor of logged torque to
+    told. one_sine: joints that follow one sine in each run. differences: what some runs have
+    and others have not, taken off before the fit. scales: by joint, the factor of logged torque to
     the model's, where that is in other units.
     excessive: by joint, the RMS torque by its drive's limit, where that is more than any drive gives.
     """
@@ -188,6 +190,7 @@ class Diagnosis:
     everywhere: tuple[tuple[str, int | None], ...] = ()
     misplaced: Misplaced | None = None
     one_sine: frozenset[int] = frozenset()
+    differences: tuple[Difference, ...] = ()
     scales: Mapping[int, float] = field(default_factory=dict)
     excessive: Mapping[int, float] = field(default_factory=dict)
 

@@ -27,8 +27,9 @@ def covered(prepared: Prepared) -> Prepared:
     hypothesis, fitted = fitted_to(prepared, [])
     torque = ground(prepared).torque_rms
     # No other run tells of a joint that moves in one alone.
-    moved = prepared.moved
-    alone = set(np.flatnonzero(np.any(moved & (moved.sum(axis=0) == 1), axis=1)).tolist())
+    alone: set[int] = set()
+    if len(prepared.runs) > 1:
+        alone.update(np.flatnonzero(np.any(prepared.moved_alone, axis=1)).tolist())
     for index in range(len(prepared.runs)):
         least = (SEEN * torque) ** 2 * np.maximum(hypothesis.used[index].sum(axis=0), 1)
         without, together = squares([fitted.held_out[index]]), squares([fitted.residual[index]])

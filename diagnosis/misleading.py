@@ -35,16 +35,22 @@ def without_misleading(
 
 
 def without_untold(found: Attribution) -> Attribution:
-    """The attribution without effects that have no name, at joints of which too little is told for one.
+    """The attribution without effects that these runs tell too little of to predict another motion.
 
-    There a few seconds of one motion suit any law, and another motion does not.
+    Those without a name, at joints of which too little is told for one: a few seconds of one motion suit any
+    law. At joints that only ever move by themselves all of those, and what re-identification swallows: what
+    other joints' motion loads them with was never seen.
     """
-    told = found.hypothesis.is_told
-    kept = [
-        item
-        for item in found.accepted
-        if item.named or item.candidate.family.joint is None or told[item.candidate.family.joint]
-    ]
+    by_itself = found.prepared.by_itself
+    enough = found.hypothesis.is_told & ~by_itself
+
+    def is_told(item: Accepted) -> bool:
+        joint = item.candidate.family.joint
+        if joint is None or enough[joint]:
+            return True
+        return item.named and not (item.candidate.family.swallowed and by_itself[joint])
+
+    kept = [item for item in found.accepted if is_told(item)]
     if len(kept) == len(found.accepted):
         return found
     hypothesis, fitted = fitted_to(found.prepared, [item.candidate for item in kept])

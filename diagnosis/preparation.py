@@ -137,6 +137,17 @@ class Prepared:
         """Which joints move in each run, (R, n)."""
         return np.array([run.used.sum(axis=0) >= SMALLEST_RUN for run in self.runs])
 
+    @property
+    def moved_alone(self) -> NDArray[np.bool_]:
+        """Which joints move in one run and in no other, (R, n), at that run."""
+        return np.asarray(self.moved & (self.moved.sum(axis=0) == 1))
+
+    @property
+    def by_itself(self) -> NDArray[np.bool_]:
+        """Which joints (n,) of several only ever move while all others stand still."""
+        together = self.moved & (self.moved.sum(axis=1, keepdims=True) > 1)
+        return np.asarray((self.joints > 1) & self.moved.any(axis=0) & ~together.any(axis=0))
+
     def moves(self, joint: int | None, into: int | None = None) -> bool:
         """Whether a joint moves in some run, both of a pair in the same one; the robot does."""
         needed = [each for each in (joint, into) if each is not None]

@@ -95,9 +95,7 @@ def _along(arm: Robot, waves: tuple[float, ...]) -> Recording:
     return replace(measured_only(run), time=time, position=position, torque=np.cos(position))
 
 
-@pytest.mark.parametrize(
-    ("waves", "sines"), [((0.3,), {0, 1}), ((0.3, 0.8), set()), ((0.1,), set())]
-)
+@pytest.mark.parametrize(("waves", "sines"), [((0.3,), {0, 1}), ((0.3, 0.8), set()), ((0.1,), set())])
 def test_joints_that_follow_one_sine_are_found(arm, waves, sines):
     assert one_sine(prepare(arm, {"run": _along(arm, waves)})) == sines
 

@@ -22,7 +22,7 @@ def with_predictive_prior(hypothesis: Design, fitted: Fit) -> Fit:
     As it is unless another one is better by BETTER, and where a joint moves in one run alone: parts of one
     motion tell little of another. The joints' squared errors count by their own torque.
     """
-    if np.any(hypothesis.prepared.moved.sum(axis=0) == 1):
+    if hypothesis.prepared.moved_alone.any():
         return on_whole_runs(hypothesis, fitted)
     torque = squares([run.torque for run in hypothesis.prepared.runs])
     as_it_is = on_whole_runs(hypothesis, fitted)

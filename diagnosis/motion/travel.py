@@ -7,9 +7,8 @@ law of such a motion may have any coefficient.
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.signals import Motion
-
 from identification.band import position_noise
+from identification.signals import Motion
 
 Array = NDArray[np.float64]
 

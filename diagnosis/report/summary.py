@@ -32,6 +32,7 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
         lines.append(_line("effect", f"{label}: {100 * each.probability:.0f} %; {words.parameters(each)}"))
     if diagnosis.effects and diagnosis.notes:
         lines.append(_line("unknown", diagnosis.notes[0]))
+    lines += [_line("runs", each) for each in words.differences(diagnosis)]
     lines += [_line("late", each) for each in words.late(diagnosis)]
     lines += [_line("silent", each) for each in words.silent(diagnosis)]
     lines += [_line("untold", each) for each in words.untold(diagnosis)]

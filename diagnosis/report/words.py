@@ -10,6 +10,7 @@ from testbench.findings import significant
 from testbench.robot import Robot
 
 from ..findings import Diagnosis, NamedEffect
+from ..held_out.unlike import in_words
 from ..localisation import EVERYWHERE
 
 # The times of a push, of which there may be many.
@@ -178,6 +179,11 @@ def noise_unseen(diagnosis: Diagnosis) -> list[str]:
     return [
         f"The torque of {place} was low-passed before it was logged: its noise is at most the floor told."
     ]
+
+
+def differences(diagnosis: Diagnosis) -> list[str]:
+    """What some runs have and others have not; nothing where they are alike."""
+    return in_words(diagnosis.differences, diagnosis.robot.joint_names, diagnosis.robot.units())
 
 
 def silent(diagnosis: Diagnosis) -> list[str]:

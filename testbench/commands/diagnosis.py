@@ -24,7 +24,8 @@ def diagnose(
         ),
     ] = None,
     cutoff: Annotated[
-        float | None, Parameter(help="Hz, no joint's band is wider; without it as wide as its encoder's noise lets")
+        float | None,
+        Parameter(help="Hz, no joint's band is wider; without it as wide as its encoder's noise lets"),
     ] = None,
     seed: Seed = 0,
     jobs: Jobs = None,

@@ -1,0 +1,56 @@
+"""Runs that differ: a tool in one of them, another day's offsets."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.held_out.unlike import OFFSETS, in_words, without_differences
+from diagnosis.linearisation import PAYLOAD
+from diagnosis.preparation import prepare
+from testbench.effects import parse_injection
+from testbench.robot import Robot
+
+from .diagnosed import simulated_runs
+from .small_arm import small_arm
+
+MASS = 2.0
+
+
+@pytest.fixture
+def arm(tmp_path) -> Robot:
+    return small_arm(tmp_path)
+
+
+@pytest.mark.parametrize("effects", [(), ("stribeck_friction:elbow:extra=1.0,velocity=0.1,exponent=1",)])
+def test_a_tool_in_one_run_is_weighed_within_five_per_cent(arm, effects):
+    injections = [parse_injection(arm, each) for each in effects]
+    tool = parse_injection(
+        arm, f"payload::mass={MASS},first_moment_x=0.1,first_moment_y=0.0,first_moment_z=0.05"
+    )
+    runs, loaded = simulated_runs(arm, injections, runs=3), simulated_runs(arm, [*injections, tool], runs=3)
+    alike, (found,) = without_differences(prepare(arm, runs | {"run_2": loaded["run_2"]}))
+    assert (found.run, found.kind) == ("run_2", PAYLOAD)
+    assert found.mass is not None
+    assert found.mass.value == pytest.approx(MASS, rel=0.05)
+    empty = prepare(arm, runs).runs[1]
+    left = alike.runs[1].torque - empty.torque
+    assert np.sqrt(np.mean(left**2)) < 0.1 * np.sqrt(np.mean(empty.torque**2))
+    assert in_words([found], arm.joint_names, arm.units())[0].startswith("run_2 carries ")
+
+
+def test_another_days_offsets_are_found(arm):
+    runs = simulated_runs(arm, [], runs=3)
+    offsets = np.array([3.0, -1.5])
+    runs["run_3"] = replace(runs["run_3"], torque=runs["run_3"].torque + offsets)
+    _, (found,) = without_differences(prepare(arm, runs))
+    assert (found.run, found.kind) == ("run_3", OFFSETS)
+    np.testing.assert_allclose(found.offsets, offsets, rtol=0.1)
+    assert "other offsets" in in_words([found], arm.joint_names, arm.units())[0]
+
+
+@pytest.mark.parametrize("effects", [(), ("payload::mass=2,first_moment_x=0.1",), ("gravity_spring:elbow",)])
+def test_runs_of_one_robot_are_alike(arm, effects):
+    injections = [parse_injection(arm, each) for each in effects]
+    prepared = prepare(arm, simulated_runs(arm, injections, runs=3))
+    assert without_differences(prepared) == (prepared, ())
