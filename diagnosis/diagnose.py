@@ -54,8 +54,8 @@ def diagnose(
     """Why the model and the logs disagree.
 
     recordings: runs by name; their truth, where a simulation has written one, is not looked at.
-    without: effects taken out of the catalogue. cutoff: Hz, no joint's band is wider; None for what its encoders
-    leave. Raises InputError for runs that are too short.
+    without: effects taken out of the catalogue. cutoff: Hz, no joint's band is wider; None for what its
+    encoders leave. Raises InputError for runs that are too short.
     """
     alike, differences = without_differences(aligned(robot, recordings, cutoff))
     found = without_untold(attribute(alike, without))

@@ -1,8 +1,8 @@
 """Runs that differ: one of them carries a tool, or has other offsets, as another day's torque sensors have.
 
-Fitted as runs of one robot they bend its parameters. Each run is given a payload on the last link, or offsets,
-of its own beside the parameters of all; what explains most of what is left goes first, until nothing explains
-much. Its torque is taken off that run, which is then one of the robot's like the others.
+Fitted as runs of one robot they bend its parameters. Each run is given a payload on the last link, or
+offsets, of its own beside the parameters of all; what explains most of what is left goes first, until nothing
+explains much. Its torque is taken off that run, which is then one of the robot's like the others.
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ LEAST_MASS, LEAST_OFFSET = 0.005, 0.02
 class Difference:
     """What one run has and others have not.
 
-    run: its name. kind: PAYLOAD or OFFSETS. mass: kg, of a payload. offsets: (n,) N·m, of offsets; zeros else.
+    run: its name. kind: PAYLOAD or OFFSETS. mass: kg, of a payload. offsets: (n,) N·m, zero of a payload.
     """
 
     run: str

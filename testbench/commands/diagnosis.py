@@ -25,7 +25,7 @@ def diagnose(
     ] = None,
     cutoff: Annotated[
         float | None,
-        Parameter(help="Hz, no joint's band is wider; without it as wide as its encoder's noise lets"),
+        Parameter(help="Hz, no joint's band is wider; by default as its encoder lets"),
     ] = None,
     seed: Seed = 0,
     jobs: Jobs = None,
