@@ -155,9 +155,10 @@ def _kept(
 def _gap(prepared: Prepared, hypothesis: Design, left: Sequence[Sequence[Array]]) -> Gap:
     """Errors on runs held out. left: residuals by the model as given, re-identified, and with the effects."""
     nominal, parameters, effects = (rms(each, hypothesis) for each in left)
-    floor = np.minimum(noise(prepared).rms, np.minimum(effects, parameters))
+    of_noise = noise(prepared)
+    floor = np.minimum(of_noise.rms, np.minimum(effects, parameters))
     intervals = np.array([rms_interval(prepared, residual) for residual in left])
-    return Gap(nominal, parameters, effects, floor, intervals)
+    return Gap(nominal, parameters, effects, floor, intervals, ~of_noise.seen)
 
 
 def _verdict(found: Attribution, gap: Gap) -> str:

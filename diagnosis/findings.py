@@ -116,7 +116,8 @@ class Gap:
     """RMS torque error a joint, (n,) N·m, on runs left out: as given, re-identified, with the effects.
 
     Of what was fitted, as far as it is kept: each is at most the one before it.
-    noise_floor: what noise alone would leave. intervals: (3, 2, n) 90 % of the first three, or None.
+    noise_floor: what noise alone would leave. intervals: (3, 2, n) 90 % of the first three, or None. unseen:
+    (n,) joints whose noise is not seen, so that the floor is a bound; None for none.
     """
 
     nominal: Array
@@ -124,6 +125,11 @@ class Gap:
     effects: Array
     noise_floor: Array
     intervals: Array | None = None
+    unseen: NDArray[np.bool_] | None = None
+
+    def is_bound(self, joint: int) -> bool:
+        """Whether noise leaves at most the floor of this joint."""
+        return self.unseen is not None and bool(self.unseen[joint])
 
     @property
     def closed(self) -> float | None:

@@ -92,6 +92,7 @@ def render(
                 "parameters": gap.parameters[joint],
                 "effects": gap.effects[joint],
                 "floor": gap.noise_floor[joint],
+                "is_bound": gap.is_bound(joint),
             }
             for joint, (name, unit) in enumerate(zip(robot.joint_names, robot.units(), strict=True))
         ],
