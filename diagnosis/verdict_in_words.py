@@ -67,11 +67,10 @@ def left_in_words(robot: Robot, left: Array, gap: Gap, torque: Array) -> str:
         return "explains them to the noise"
     if share[worst] <= LITTLE_OF_TORQUE:
         return f"explains them to {share[worst]:.1%} of each joint's torque"
-    least = "at least " if gap.is_bound(worst) else ""
-    return (
-        f"leaves {share[worst]:.0%} of the torque of {robot.joint_names[worst]} on runs left out, "
-        f"{least}{left[worst] / max(gap.noise_floor[worst], 1e-300):.2g} times the noise, without a named cause"
-    )
+    times = left[worst] / max(gap.noise_floor[worst], float(np.finfo(float).tiny))
+    beyond = f"{'at least ' if gap.is_bound(worst) else ''}{times:.2g} times the noise"
+    joint = robot.joint_names[worst]
+    return f"leaves {share[worst]:.0%} of the torque of {joint} on runs left out, {beyond}, without a named cause"
 
 
 def _named_in_words(robot: Robot, effect: NamedEffect) -> str:
