@@ -69,8 +69,8 @@ def left_in_words(robot: Robot, left: Array, gap: Gap, torque: Array) -> str:
         return f"explains them to {share[worst]:.1%} of each joint's torque"
     times = left[worst] / max(gap.noise_floor[worst], float(np.finfo(float).tiny))
     beyond = f"{'at least ' if gap.is_bound(worst) else ''}{times:.2g} times the noise"
-    joint = robot.joint_names[worst]
-    return f"leaves {share[worst]:.0%} of the torque of {joint} on runs left out, {beyond}, without a named cause"
+    of_torque = f"{share[worst]:.0%} of the torque of {robot.joint_names[worst]}"
+    return f"leaves {of_torque} on runs left out, {beyond}, without a named cause"
 
 
 def _named_in_words(robot: Robot, effect: NamedEffect) -> str:
