@@ -50,14 +50,16 @@ def diagnose(
     recordings: Mapping[str, Recording],
     without: Sequence[str] = (),
     cutoff: float | None = None,
+    payloads: Mapping[str, float] | None = None,
 ) -> Diagnosis:
     """Why the model and the logs disagree.
 
     recordings: runs by name; their truth, where a simulation has written one, is not looked at.
     without: effects taken out of the catalogue. cutoff: Hz, no joint's band is wider; None for what its
-    encoders leave. Raises InputError for runs that are too short.
+    encoders leave. payloads: kg, known to be in one run and in no other, by its name. Raises InputError for runs
+    that are too short.
     """
-    alike, differences = without_differences(aligned(robot, recordings, cutoff))
+    alike, differences = without_differences(aligned(robot, recordings, cutoff), payloads)
     found = without_untold(attribute(alike, without))
     prepared = found.prepared
     only = found.parameters_only[0], with_predictive_prior(*found.parameters_only)

@@ -123,6 +123,8 @@ def diagnosis_document(
                 "kind": each.kind,
                 "mass": None if each.mass is None else _quantity(each.mass),
                 "offsets": _numbers(each.offsets),
+                "gains": None if each.gains is None else _numbers(each.gains),
+                "deviations": None if each.deviations is None else _numbers(each.deviations),
             }
             for each in diagnosis.differences
         ],

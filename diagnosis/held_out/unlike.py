@@ -5,7 +5,7 @@ offsets, of its own beside the parameters of all; what explains most of what is 
 explains much. Its torque is taken off that run, which is then one of the robot's like the others.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from ..healthy import is_plausible
 from ..hypothesis import Design, scaled_precision
 from ..linearisation import PAYLOAD
 from ..preparation import Prepared, Run
+from .known_payload import known_payload
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,8 @@ OFFSETS = "offsets"
 SHARE, SURELY = 0.4, 8.0
 # And a mass is of this share of the arm's links, an offset of this share of the joint's torque, at least.
 LEAST_MASS, LEAST_OFFSET = 0.005, 0.02
+# A drive's gain is reported where it is known this well, relative.
+TOLD = 0.05
 
 
 @dataclass(frozen=True)
@@ -38,12 +41,15 @@ class Difference:
     """What one run has and others have not.
 
     run: its name. kind: PAYLOAD or OFFSETS. mass: kg, of a payload. offsets: (n,) N·m, zero of a payload.
+    gains, deviations: (n,) of the drives by a payload of known mass, relative, true = (1 + gain) reported.
     """
 
     run: str
     kind: str
     mass: Quantity | None
     offsets: Array
+    gains: Array | None = None
+    deviations: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -59,10 +65,23 @@ class _Own:
     payload: Candidate | None
 
 
-def without_differences(prepared: Prepared) -> tuple[Prepared, tuple[Difference, ...]]:
-    """The runs with what one has and others have not taken off its torque, and what that is."""
+def without_differences(
+    prepared: Prepared, masses: Mapping[str, float] | None = None
+) -> tuple[Prepared, tuple[Difference, ...]]:
+    """The runs with what one has and others have not taken off its torque, and what that is.
+
+    masses: kg, of payloads that are known to be in a run and in no other, by its name.
+    """
     found: list[Difference] = []
     payload = _payload(prepared)
+    for index, run in enumerate(prepared.runs):
+        if masses and run.name in masses:
+            known = known_payload(prepared, index, payload, masses[run.name])
+            torque = known.reported * (np.asarray(payload.member.columns[index]) @ known.coefficients)
+            prepared = _with_run(prepared, index, _taken_off(run, torque))
+            mass = Quantity(masses[run.name], 0.0, "kg")
+            zeros = np.zeros(prepared.joints)
+            found.append(Difference(run.name, PAYLOAD, mass, zeros, known.gains, known.deviations))
     while len(found) < len(prepared.runs) - 1:
         taken = {each.run for each in found}
         best = _most(prepared, payload, taken)
@@ -70,8 +89,7 @@ def without_differences(prepared: Prepared) -> tuple[Prepared, tuple[Difference,
             break
         run = prepared.runs[best.index]
         found.append(_in_numbers(run, best))
-        runs = [_taken_off(each, best) if k == best.index else each for k, each in enumerate(prepared.runs)]
-        prepared = replace(prepared, runs=tuple(runs))
+        prepared = _with_run(prepared, best.index, _taken_off(run, best.whole @ best.coefficients))
     return prepared, tuple(found)
 
 
@@ -79,6 +97,14 @@ def in_words(differences: Sequence[Difference], names: Sequence[str], units: Seq
     """A sentence a run that differs. names, units: of the joints."""
     said = []
     for each in differences:
+        if each.mass is not None and each.gains is not None and each.deviations is not None:
+            told = [
+                f"{names[j]} {1 + each.gains[j]:.3f} ± {each.deviations[j]:.1g}"
+                for j in np.flatnonzero(each.deviations < TOLD).tolist()
+            ]
+            by = f"true over reported torque is {', '.join(told)}" if told else "it tells no drive's gain"
+            said.append(f"By the {each.mass.value:g} kg that {each.run} carries, {by}.")
+            continue
         if each.mass is not None:
             said.append(
                 f"{each.run} carries {each.mass.value:.3g} ± {each.mass.std:.1g} kg that other runs do not; "
@@ -167,8 +193,12 @@ def _in_numbers(run: Run, own: _Own) -> Difference:
     return Difference(run.name, PAYLOAD, Quantity(mass, deviation, "kg"), zeros)
 
 
-def _taken_off(run: Run, own: _Own) -> Run:
-    """The run without the torque of what it has of its own."""
-    torque = own.whole @ own.coefficients
+def _with_run(prepared: Prepared, index: int, run: Run) -> Prepared:
+    runs = [run if k == index else each for k, each in enumerate(prepared.runs)]
+    return replace(prepared, runs=tuple(runs))
+
+
+def _taken_off(run: Run, torque: Array) -> Run:
+    """The run without the torque (N, n) of what it has of its own."""
     filtered = run.filtered(np.ascontiguousarray(torque), range(torque.shape[1]))
     return replace(run, torque=run.torque - filtered, logged=replace(run.logged, tau=run.logged.tau - torque))

@@ -27,13 +27,22 @@ def diagnose(
         float | None,
         Parameter(help="Hz, no joint's band is wider; by default as its encoder lets"),
     ] = None,
+    payload: Annotated[
+        list[str] | None,
+        Parameter(
+            help="RUN=KG: that run carries this mass and the others do not; tells the drives' gains",
+            consume_multiple=True,
+            negative=(),
+            validator=at_least_one("--payload"),
+        ),
+    ] = None,
     seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
     """Say why simulator and robot differ: where, which effect, how far it shrinks, what to do next."""
     from diagnosis.job import diagnose_logs
 
-    told = diagnose_logs(model, logs, out, without or (), seed, jobs, cutoff)
+    told = diagnose_logs(model, logs, out, without or (), seed, jobs, cutoff, payload or ())
     # It is imported by then, behind the closed loop.
     from diagnosis.report import print_summary
 
