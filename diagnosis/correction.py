@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 from identification.chain import Chain
 from identification.errors import InputError
 from identification.parameters import PER_JOINT
-from testbench.robot import Limits
+from testbench.robot import Limits, Robot
 from testbench.torque_lag import TorqueLag
 
 from .evidence import Fit
 from .findings import Diagnosis
 from .held_out.shrinkage import Kept
 from .hypothesis import Design
+from .recurrence import Recurrence
 
 Array = NDArray[np.float64]
 
@@ -72,16 +73,26 @@ class Corrected:
 
 def corrected_model(diagnosis: Diagnosis) -> Corrected:
     """The corrected model of a diagnosis."""
-    robot, logged = diagnosis.robot, diagnosis.prepared.runs[0].logged
-    parameters, parameters_timing = _standard(diagnosis, *diagnosis.parameters_only)
-    hypothesis, fitted = diagnosis.final
+    return corrected_by(diagnosis.parameters_only[1], diagnosis.final, diagnosis.recurrence, diagnosis.kept)
+
+
+def corrected_by(only: Fit, final: tuple[Design, Fit], again: Recurrence | None, kept: Kept) -> Corrected:
+    """The corrected model by the fit of parameters alone and that with the effects.
+
+    again: a push that every run has. kept: how much of what was fitted.
+    """
+    hypothesis, fitted = final
+    prepared = hypothesis.prepared
+    robot, logged = prepared.robot, prepared.runs[0].logged
+    parameters, parameters_timing = _standard(robot, only)
+    with_effects, final_timing = _standard(robot, fitted)
     terms = [
         Term(*accepted.place, dict(accepted.member.shape), fitted.values[part], accepted.is_carried)
         for accepted, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
         if not accepted.is_event
     ]
     # A push of one run tells nothing of another's.
-    if (again := diagnosis.recurrence) is not None:
+    if again is not None:
         terms.append(Term(*again.pushed.place, dict(again.pushed.member.shape), again.coefficients))
     return Corrected(
         chain=robot.chain,
@@ -89,25 +100,25 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
         nominal=robot.parameters,
         parameters=parameters,
         parameters_timing=parameters_timing,
-        final=diagnosis.parameters,
-        final_timing=diagnosis.timing,
-        lag=diagnosis.prepared.lag,
+        final=with_effects,
+        final_timing=final_timing,
+        lag=prepared.lag,
         linearised=logged.parameters,
-        coulomb_smoothing=diagnosis.prepared.coulomb_smoothing,
-        coulomb_lead=diagnosis.prepared.coulomb_lead,
-        zeros=diagnosis.prepared.zeros,
+        coulomb_smoothing=prepared.coulomb_smoothing,
+        coulomb_lead=prepared.coulomb_lead,
+        zeros=prepared.zeros,
         body_rotation=logged.body_rotation,
         body_origin=logged.body_origin,
         terms=tuple(terms),
-        kept=diagnosis.kept,
-        band=diagnosis.prepared.cutoff,
+        kept=kept,
+        band=prepared.cutoff,
     )
 
 
-def _standard(diagnosis: Diagnosis, hypothesis: Design, fitted: Fit) -> tuple[Array, float]:
+def _standard(robot: Robot, fitted: Fit) -> tuple[Array, float]:
     """Standard parameters (14 n,) and timing, s, of a fit."""
-    count = PER_JOINT * diagnosis.robot.joints
-    return diagnosis.robot.parameters + fitted.values[:count], float(fitted.values[count])
+    count = PER_JOINT * robot.joints
+    return robot.parameters + fitted.values[:count], float(fitted.values[count])
 
 
 def correction_document(model: Corrected) -> dict[str, Any]:

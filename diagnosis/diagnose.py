@@ -14,13 +14,15 @@ from .accepted import Accepted
 from .alignment import aligned
 from .attribution import CONFUSABLE, Attribution, attribute
 from .certainty import certainties
+from .correction import corrected_by
 from .deviations import covariance_with_shapes
 from .evidence import Fit, rms, standard_values
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate
 from .healthy import OFFSET
+from .held_out.at_rest import left_at_rest
 from .held_out.doubts import ONE_SINE, doubt, with_support
 from .held_out.prior_strength import with_predictive_prior
-from .held_out.shrinkage import Kept, shares_kept
+from .held_out.shrinkage import Kept, everything, shares_kept
 from .held_out.unlike import without_differences
 from .hypothesis import Design
 from .intervals import rms_interval
@@ -56,8 +58,8 @@ def diagnose(
 
     recordings: runs by name; their truth, where a simulation has written one, is not looked at.
     without: effects taken out of the catalogue. cutoff: Hz, no joint's band is wider; None for what its
-    encoders leave. payloads: kg, known to be in one run and in no other, by its name. Raises InputError for runs
-    that are too short.
+    encoders leave. payloads: kg, known to be in one run and in no other, by its name. Raises InputError for
+    runs that are too short.
     """
     alike, differences = without_differences(aligned(robot, recordings, cutoff), payloads)
     found = without_untold(attribute(alike, without))
@@ -65,7 +67,9 @@ def diagnose(
     only = found.parameters_only[0], with_predictive_prior(*found.parameters_only)
     found, (hypothesis, fitted) = without_misleading(found, only)
     final = hypothesis, with_predictive_prior(hypothesis, fitted)
-    kept, left = _kept(only, final, _torque(prepared))
+    again = recurrence(*final)
+    model = corrected_by(only[1], final, again, everything(robot.joints))
+    kept, left = _kept(only, final, left_at_rest(prepared, model), _torque(prepared))
     only, gap = (only[0], replace(only[1], held_out=left[1])), _gap(prepared, final[0], left)
     fitted_gap = rms(final[1].residual, final[0])
     torque = _torque(prepared)
@@ -111,7 +115,7 @@ def diagnose(
         kept=kept,
         not_observable=found.hidden,
         notes=tuple(unclaimed_in_words(robot, item) for item in found.unknown),
-        recurrence=recurrence(hypothesis, fitted),
+        recurrence=again,
         everywhere=tuple(
             (a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.is_everywhere
         ),
@@ -139,17 +143,22 @@ def _places(effects: Sequence[NamedEffect]) -> set[tuple[str, int | None]]:
 
 
 def _kept(
-    only: tuple[Design, Fit], final: tuple[Design, Fit], torque: Array
+    only: tuple[Design, Fit],
+    final: tuple[Design, Fit],
+    at_rest: tuple[tuple[Array, ...], ...],
+    torque: Array,
 ) -> tuple[Kept, tuple[tuple[Array, ...], ...]]:
     """How much of what was fitted is kept, and what that leaves of runs held out, a run (M, n).
 
-    The second: by the model as given, re-identified, and with the effects. torque: (n,) N·m of the joints.
+    The second: by the model as given, re-identified, and with the effects. at_rest: the same near rest, zero
+    elsewhere. torque: (n,) N·m of the joints.
     """
     first = only[0]
     nominal = tuple(np.where(used, gap, 0.0) for used, gap in zip(first.used, first.gap, strict=True))
     weights = 1 / np.maximum(torque, np.finfo(float).tiny) ** 2
-    kept = shares_kept(nominal, only[1].held_out, final[1].held_out, weights)
-    each_run = zip(nominal, only[1].held_out, final[1].held_out, strict=True)
+    stages = nominal, only[1].held_out, final[1].held_out
+    kept = shares_kept(stages, at_rest, weights)
+    each_run = zip(*stages, strict=True)
     parameters, effects = zip(*(kept.of_torque(*run) for run in each_run), strict=True)
     return kept, (nominal, parameters, effects)
 

@@ -127,6 +127,18 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     replaced by what the models say.
     """
     logged = logged_motion(model, recording)
+    nominal, *fitted = torque_along(model, logged)
+    as_logged = [model.lag.put_on(torque, logged.sample_rate) for torque in fitted]
+    torques = (nominal, *model.kept.of_torque(nominal, *as_logged))
+    # A log whose time stamps stray was resampled.
+    return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
+
+
+def torque_along(model: Corrected, logged: Logged) -> tuple[Array, Array, Array]:
+    """Torque (N, n) N·m along a motion: as given, re-identified, and corrected, all of what was fitted.
+
+    logged: of ``logged_motion``, or the like of a run.
+    """
     rate = logged.sample_rate
     given = replace(logged, coulomb_smoothing=np.full(logged.joints, AT_REST), coulomb_lead=0.0)
     nominal = replace(given, parameters=model.nominal).predicted
@@ -134,11 +146,7 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     corrected = TorqueLag(model.final_timing).put_on(corrected, rate)
     for torque in _term_torques(model.terms, logged):
         corrected += torque
-    parameters = TorqueLag(model.parameters_timing).put_on(parameters, rate)
-    as_logged = [model.lag.put_on(torque, rate) for torque in (parameters, corrected)]
-    torques = (nominal, *model.kept.of_torque(nominal, *as_logged))
-    # A log whose time stamps stray was resampled.
-    return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
+    return nominal, TorqueLag(model.parameters_timing).put_on(parameters, rate), corrected
 
 
 def _term_torques(terms: Sequence[Term], logged: Logged) -> list[Array]:

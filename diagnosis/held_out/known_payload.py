@@ -1,8 +1,8 @@
 """Gain errors of the drives, from a run with a payload of known mass beside runs without it.
 
-A drive that reports tau / (1 + e) reports the payload's torque by the same factor s = 1 / (1 + e), and a known
-mass says how large that torque is. Each joint has base parameters of its own here, which take up its gain; what
-they leave between the runs is s_j Z_j c, with the mass among the payload's ten parameters c known:
+A drive that reports tau / (1 + e) reports the payload's torque by the same factor s = 1 / (1 + e), and a
+known mass says how large that torque is. Each joint has base parameters of its own here, which take up its
+gain; what they leave between the runs is s_j Z_j c, with the mass among the payload's ten parameters c known:
 
     min over s, c of sum_j w_j |y_j - X_j theta_j - s_j Z_j c|², c_mass = m.
 

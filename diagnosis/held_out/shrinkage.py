@@ -47,33 +47,42 @@ def everything(joints: int) -> Kept:
 
 
 def shares_kept(
-    nominal: Sequence[Array], parameters: Sequence[Array], effects: Sequence[Array], weights: Array
+    left_out: Sequence[Sequence[Array]], at_rest: Sequence[Sequence[Array]], weights: Array
 ) -> Kept:
-    """What to keep by residuals of runs that were left out, a run (M, n) each, zero where none counts.
+    """What to keep by residuals of samples that were not fitted, a run (M, n) each, zero where none counts.
 
-    nominal, parameters, effects: of the model as given, re-identified, and with the effects. weights: (n,) of
-    the joints' squared residuals against each other. A joint of which no sample counts keeps nothing.
+    left_out: by the model as given, re-identified, and with the effects, of runs that were left out, whose
+    errors are never made larger. at_rest: the same near rest, where nothing is fitted. weights: (n,) of the
+    joints' squared residuals against each other. A joint of which no sample counts keeps nothing.
     """
-    given, first, second = (np.concatenate(each) for each in (nominal, parameters, effects))
-    of_first = _share(_dot(given, given - first), _dot(given - first, given - first))
+    given, first, second = (_both(*each) for each in zip(left_out, at_rest, strict=True))
+    of_first = _share(given, first, np.ones(len(weights)))
     shrunk = given + of_first * (first - given)
-    of_second = _share(_dot(shrunk, shrunk - second), _dot(shrunk - second, shrunk - second))
-    whole = _whole(given, first, weights)
-    together = given + whole * (first - given)
-    return Kept(of_first, of_second, whole, _whole(together, second, weights))
+    of_second = _share(shrunk, second, np.ones(len(weights)))
+    whole = _share(given, first, weights, together=True)
+    shrunk = given + whole * (first - given)
+    return Kept(
+        of_first, of_second, float(whole[0]), float(_share(shrunk, second, weights, together=True)[0])
+    )
 
 
-def _whole(before: Array, after: Array, weights: Array) -> float:
+def _both(left_out: Sequence[Array], at_rest: Sequence[Array]) -> Array:
+    """Residuals of all runs, of those left out and of those near rest, (2, N, n)."""
+    return np.stack([np.concatenate(left_out), np.concatenate(at_rest)])
+
+
+def _share(before: Array, after: Array, weights: Array, together: bool = False) -> Array:
+    """Shares (n,) of the change between residuals (2, N, n). together: one of all joints."""
     change = before - after
-    return float(_share(weights @ _dot(before, change), weights @ _dot(change, change)))
-
-
-def _dot(one: Array, other: Array) -> Array:
-    """Sums of products over the samples (N, n), (n,)."""
-    return np.asarray(np.einsum("tj,tj->j", one, other))
-
-
-def _share(gained: Array, size: Array) -> Array:
-    share = np.clip(gained / np.maximum(size, np.finfo(float).tiny), 0.0, 1.0)
-    share = np.where(share >= ALL, 1.0, np.where(share <= 1 - ALL, 0.0, share))
-    return np.where(size > 0, share, 0.0)
+    # Sums over the samples of each kind and joint, (2, n).
+    gained, size = (weights * np.einsum("stj,stj->sj", change, each) for each in (before, change))
+    if together:
+        gained, size = (
+            np.repeat(each.sum(axis=1, keepdims=True), len(weights), 1) for each in (gained, size)
+        )
+    tiny = np.finfo(float).tiny
+    best = gained.sum(axis=0) / np.maximum(size.sum(axis=0), tiny)
+    # The error is back where it was at twice its own best share.
+    most = np.where(size[0] > 0, 2 * gained[0] / np.maximum(size[0], tiny), 0.0)
+    share = np.where(best >= ALL, 1.0, np.where(best <= 1 - ALL, 0.0, best))
+    return np.asarray(np.clip(np.minimum(share, most), 0.0, 1.0))
