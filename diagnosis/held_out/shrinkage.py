@@ -43,8 +43,27 @@ class Kept:
 
 def everything(joints: int) -> Kept:
     """All of what was fitted."""
-    last = _share(shrunk, second, weights, together=True)
-    return Kept(of_first, of_second, float(whole[0]), float(last[0]))
+    return Kept(np.ones(joints), np.ones(joints), 1.0, 1.0)
+
+
+def shares_kept(
+    left_out: Sequence[Sequence[Array]], at_rest: Sequence[Sequence[Array]], weights: Array
+) -> Kept:
+    """What to keep by residuals of samples that were not fitted, a run (M, n) each, zero where none counts.
+
+    left_out: by the model as given, re-identified, and with the effects, of runs that were left out, whose
+    errors are never made larger. at_rest: the same near rest, where nothing is fitted. weights: (n,) of the
+    joints' squared residuals against each other. A joint of which no sample counts keeps nothing.
+    """
+    given, first, second = (_both(*each) for each in zip(left_out, at_rest, strict=True))
+    of_first = _share(given, first, np.ones(len(weights)))
+    shrunk = given + of_first * (first - given)
+    of_second = _share(shrunk, second, np.ones(len(weights)))
+    whole = _share(given, first, weights, together=True)
+    shrunk = given + whole * (first - given)
+    return Kept(
+        of_first, of_second, float(whole[0]), float(_share(shrunk, second, weights, together=True)[0])
+    )
 
 
 def _both(left_out: Sequence[Array], at_rest: Sequence[Array]) -> Array:
@@ -58,7 +77,9 @@ def _share(before: Array, after: Array, weights: Array, together: bool = False) 
     # Sums over the samples of each kind and joint, (2, n).
     gained, size = (weights * np.einsum("stj,stj->sj", change, each) for each in (before, change))
     if together:
-        gained, size = (np.repeat(each.sum(axis=1)[:, None], len(weights), 1) for each in (gained, size))
+        gained, size = (
+            np.repeat(each.sum(axis=1, keepdims=True), len(weights), 1) for each in (gained, size)
+        )
     tiny = np.finfo(float).tiny
     best = gained.sum(axis=0) / np.maximum(size.sum(axis=0), tiny)
     # The error is back where it was at twice its own best share.
