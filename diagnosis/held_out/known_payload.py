@@ -65,7 +65,8 @@ def known_payload(prepared: Prepared, index: int, payload: Candidate, mass: floa
     start = np.concatenate([np.ones(prepared.joints), np.zeros(int(free.sum()))])
     solved = least_squares(left, start, x_scale="jac", method="trf", ftol=1e-14, xtol=1e-12, gtol=1e-12)
     shares, coefficients = solved.x[: prepared.joints], parameters(solved.x)
-    covariance = np.linalg.pinv(solved.jac.T @ solved.jac, hermitian=True)
+    jacobian = np.asarray(solved.jac, dtype=np.float64)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     deviations = np.sqrt(np.diag(covariance)[: prepared.joints])
     return KnownPayload(coefficients, shares, 1 / shares - 1, deviations / shares**2)
 
