@@ -79,6 +79,12 @@ def diagnose(
     accepted, bursts = pushes_that_hold(accepted, gap)
     found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold, *bursts))
     found = _without_doubtful(found, kept)
+    if (alone := _only_by_itself(found)).any() and kept.effects[alone].any():
+        # What other joints' motion would make of them was never seen.
+        kept = replace(kept, effects=np.where(alone, 0.0, kept.effects))
+        found = replace(found, accepted=with_support(found.accepted, kept))
+        effects_left = tuple(np.where(alone, a, b) for a, b in zip(left[1], left[2], strict=True))
+        gap = _gap(prepared, final[0], (left[0], left[1], effects_left))
     named = [index for index, item in enumerate(found.accepted) if item.named]
     named.sort(key=lambda index: -found.accepted[index].score)
     effects = tuple(_named(found, index) for index in named)
@@ -125,6 +131,15 @@ def diagnose(
         scales=scales,
         excessive=excessive,
     )
+
+
+def _only_by_itself(found: Attribution) -> Array:
+    """Which joints (n,) only ever move by themselves, and have no effect with a name."""
+    alone = found.prepared.by_itself.copy()
+    for item in found.accepted:
+        if item.named and item.candidate.family.joint is not None:
+            alone[item.candidate.family.joint] = False
+    return alone
 
 
 def _without_doubtful(found: Attribution, kept: Kept) -> Attribution:

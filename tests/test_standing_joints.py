@@ -106,3 +106,18 @@ def test_no_effect_has_a_name_where_all_joints_follow_one_sine(arm):
     found = diagnose(arm, {"one": replace(run, torque=torque), "two": replace(run, torque=torque)})
     assert found.effects == ()
     assert found.one_sine == {0, 1}
+
+
+def test_joints_that_only_ever_move_by_themselves_get_no_effect_without_a_name(arm):
+    runs = dict(simulated_runs(arm, [], runs=2))
+    for (name, run), still in zip(list(runs.items()), (0, 1), strict=True):
+        position = run.position.copy()
+        position[:, still] = position[0, still]
+        # A law of no robot: all that is fitted has no name.
+        torque = run.torque + 2 * np.sin(7 * position) * np.tanh(np.gradient(position, axis=0) * 300)
+        runs[name] = replace(measured_only(run), position=position, torque=torque)
+    found = diagnose(arm, runs)
+    assert found.prepared.by_itself.all()
+    named = {each.joint for each in found.effects}
+    assert all(found.kept.effects[joint] == 0 for joint in range(2) if joint not in named)
+    assert np.all(found.gap.effects <= found.gap.parameters * (1 + 1e-9))
