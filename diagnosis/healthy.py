@@ -99,7 +99,7 @@ MOST_BENT = 30.0
 # hundredth where the model has next to nothing last.
 PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.45, 0.01
 # A tool's centre is no farther from the last joint than this share of the arm's length.
-TOOL_REACH = 0.3
+TOOL_REACH = 0.4
 # An effect's size is its first parameter, or the largest of these.
 DIFFERENCE = "viscous_difference"
 _SIZES: Mapping[str, tuple[str, ...]] = {

@@ -40,7 +40,7 @@ MOMENTS = ("first_moment_x", "first_moment_y", "first_moment_z")
 # XX .. ZZ of the ten, kg·m², are bounded by a payload that reaches this far, m.
 REACH = 1.0
 # Deviations: of the mass as a share of all links', of a tool's centre as a share of the arm's length.
-OF_THE_LINKS, OF_THE_LENGTH = 0.3, 0.25
+OF_THE_LINKS, OF_THE_LENGTH = 1.0, 0.5
 # m; an arm of one joint has no length between joints.
 SHORTEST = 0.5
 
