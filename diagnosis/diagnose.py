@@ -133,7 +133,7 @@ def diagnose(
     )
 
 
-def _only_by_itself(found: Attribution) -> Array:
+def _only_by_itself(found: Attribution) -> NDArray[np.bool_]:
     """Which joints (n,) only ever move by themselves, and have no effect with a name."""
     alone = found.prepared.by_itself.copy()
     for item in found.accepted:
