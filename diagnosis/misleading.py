@@ -43,10 +43,13 @@ def without_untold(found: Attribution) -> Attribution:
     """
     by_itself = found.prepared.by_itself
     enough = found.hypothesis.is_told & ~by_itself
+    together = np.any(found.prepared.moved.any(axis=0) & ~by_itself)
 
     def is_told(item: Accepted) -> bool:
         joint = item.candidate.family.joint
-        if joint is None or enough[joint]:
+        if joint is None:
+            return bool(together) or not item.candidate.family.swallowed
+        if enough[joint]:
             return True
         return item.named and not (item.candidate.family.swallowed and by_itself[joint])
 
