@@ -129,7 +129,9 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     logged = logged_motion(model, recording)
     nominal, *fitted = torque_along(model, logged)
     as_logged = [model.lag.put_on(torque, logged.sample_rate) for torque in fitted]
-    late = model.lag.put_on(nominal, logged.sample_rate)
+    # What is known of the log and of friction near rest is no parameter, and is kept.
+    known = replace(logged, parameters=model.nominal).predicted
+    late = model.lag.put_on(known, logged.sample_rate)
     torques = (nominal, *model.kept.of_torque(late, *as_logged))
     # A log whose time stamps stray was resampled.
     return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
