@@ -43,7 +43,7 @@ class Accepted:
     is_certain: whether its size is known well enough for that. is_trace: found by a trace that only shows
     beside every joint's imperfections, or where there are none. is_everywhere: whether other joints are about
     as imperfect, so that it has no name. by_size: whether it has a name as it is larger than on any healthy
-    robot, and for nothing else. is_alone: or as nothing else is seen.
+    robot, and for nothing else. is_alone: or as nothing else is seen. doubt: why it lost its name at last.
     """
 
     candidate: Candidate
@@ -59,6 +59,7 @@ class Accepted:
     is_everywhere: bool = False
     by_size: bool = False
     is_alone: bool = False
+    doubt: str = ""
 
 
 def without_rests(accepted: Sequence[Accepted]) -> list[Accepted]:

@@ -27,11 +27,11 @@ FIRST_GUESS, LEFT = 1e-3, 0.1
 SURELY = 100.0
 
 
-def aligned(robot: Robot, recordings: Mapping[str, Recording]) -> Prepared:
+def aligned(robot: Robot, recordings: Mapping[str, Recording], highest: float | None = None) -> Prepared:
     """The runs as of ``prepare``, their torque as of their positions where the logs have it late."""
-    prepared = prepare(robot, recordings)
+    prepared = prepare(robot, recordings, highest=highest)
     lag = lateness(prepared)
-    return prepare(robot, recordings, lag) if lag.seconds > 0 else prepared
+    return prepare(robot, recordings, lag, highest) if lag.seconds > 0 else prepared
 
 
 def lateness(prepared: Prepared) -> TorqueLag:

@@ -63,6 +63,12 @@ class Candidate:
         return self.member.count
 
     @property
+    def precision(self) -> Array:
+        """Prior precision (k,) of the coefficients; 0 where they may have any size."""
+        widths = self.member.widths
+        return np.zeros(self.count) if widths is None else np.asarray(widths**-2.0)
+
+    @property
     def shapes(self) -> int:
         """How many shapes of its law are tried."""
         of_its_law = sum(member.law == self.member.law for member in self.family.members)
@@ -152,6 +158,7 @@ def candidates(
         for name, each in effects().items()
         if name not in without and (only is None or name in only)
         for joint, into in places(each.DESCRIPTION, prepared.robot.chain.is_slide)
+        if prepared.moves(joint, into)
     ]
     sought = [place for place in wanted if place not in same]
     for each in in_parallel(

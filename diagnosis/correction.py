@@ -11,12 +11,15 @@ from identification.chain import Chain
 from identification.errors import InputError
 from identification.parameters import PER_JOINT
 from testbench.effects import effects as catalogue
-from testbench.robot import Limits
+from testbench.robot import Limits, Robot
 from testbench.torque_lag import TorqueLag
 
 from .evidence import Fit
 from .findings import Diagnosis
+from .held_out.shrinkage import Kept, everything
 from .hypothesis import Design
+from .preparation import CUTOFF
+from .recurrence import Recurrence
 
 Array = NDArray[np.float64]
 
@@ -49,6 +52,7 @@ class Corrected:
     linearised: (14 n,) that the effects' columns are taken at; zeros: (n,) rad, likewise, as of Logged.
     coulomb_smoothing, coulomb_lead: (n,) rad/s (m/s) and s, of Coulomb friction in what was re-identified, as
     of Logged. body_rotation (3, 3), body_origin (3,) m: the last body's frame in the last link's.
+    kept: how much of what was fitted the torque has. band: (n,) Hz, below which the fit is of each joint.
     """
 
     chain: Chain
@@ -66,20 +70,32 @@ class Corrected:
     body_rotation: Array
     body_origin: Array
     terms: tuple[Term, ...]
+    kept: Kept
+    band: Array
 
 
 def corrected_model(diagnosis: Diagnosis) -> Corrected:
     """The corrected model of a diagnosis."""
-    robot, logged = diagnosis.robot, diagnosis.prepared.runs[0].logged
-    parameters, parameters_timing = _standard(diagnosis, *diagnosis.parameters_only)
-    hypothesis, fitted = diagnosis.final
+    return corrected_by(diagnosis.parameters_only[1], diagnosis.final, diagnosis.recurrence, diagnosis.kept)
+
+
+def corrected_by(only: Fit, final: tuple[Design, Fit], again: Recurrence | None, kept: Kept) -> Corrected:
+    """The corrected model by the fit of parameters alone and that with the effects.
+
+    again: a push that every run has. kept: how much of what was fitted.
+    """
+    hypothesis, fitted = final
+    prepared = hypothesis.prepared
+    robot, logged = prepared.robot, prepared.runs[0].logged
+    parameters, parameters_timing = _standard(robot, only)
+    with_effects, final_timing = _standard(robot, fitted)
     terms = [
         Term(*accepted.place, dict(accepted.member.shape), fitted.values[part], accepted.is_carried)
         for accepted, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
         if not accepted.is_event
     ]
     # A push of one run tells nothing of another's.
-    if (again := diagnosis.recurrence) is not None:
+    if again is not None:
         terms.append(Term(*again.pushed.place, dict(again.pushed.member.shape), again.coefficients))
     return Corrected(
         chain=robot.chain,
@@ -87,23 +103,25 @@ def corrected_model(diagnosis: Diagnosis) -> Corrected:
         nominal=robot.parameters,
         parameters=parameters,
         parameters_timing=parameters_timing,
-        final=diagnosis.parameters,
-        final_timing=diagnosis.timing,
-        lag=diagnosis.prepared.lag,
+        final=with_effects,
+        final_timing=final_timing,
+        lag=prepared.lag,
         linearised=logged.parameters,
-        coulomb_smoothing=diagnosis.prepared.coulomb_smoothing,
-        coulomb_lead=diagnosis.prepared.coulomb_lead,
-        zeros=diagnosis.prepared.zeros,
+        coulomb_smoothing=prepared.coulomb_smoothing,
+        coulomb_lead=prepared.coulomb_lead,
+        zeros=prepared.zeros,
         body_rotation=logged.body_rotation,
         body_origin=logged.body_origin,
         terms=tuple(terms),
+        kept=kept,
+        band=prepared.cutoff,
     )
 
 
-def _standard(diagnosis: Diagnosis, hypothesis: Design, fitted: Fit) -> tuple[Array, float]:
+def _standard(robot: Robot, fitted: Fit) -> tuple[Array, float]:
     """Standard parameters (14 n,) and timing, s, of a fit."""
-    count = PER_JOINT * diagnosis.robot.joints
-    return diagnosis.robot.parameters + fitted.values[:count], float(fitted.values[count])
+    count = PER_JOINT * robot.joints
+    return robot.parameters + fitted.values[:count], float(fitted.values[count])
 
 
 def correction_document(model: Corrected) -> dict[str, Any]:
@@ -142,8 +160,15 @@ def correction_document(model: Corrected) -> dict[str, Any]:
                 for term in model.terms
             ],
         },
+        "kept": {
+            "parameters": model.kept.parameters.tolist(),
+            "effects": model.kept.effects.tolist(),
+            "parameters_whole": model.kept.parameters_whole,
+            "effects_whole": model.kept.effects_whole,
+        },
+        "band": model.band.tolist(),
         "last_body": {"rotation": model.body_rotation.tolist(), "origin": model.body_origin.tolist()},
-        "units": "SI at the joint; 14 standard parameters a joint, timing in s",
+        "units": "SI at the joint; 14 standard parameters a joint, timing in s, band in Hz",
     }
 
 
@@ -151,9 +176,11 @@ def read_correction(document: Any, source: object) -> Corrected:
     """The inverse of ``correction_document``. Raises InputError, naming ``source``, for anything else."""
     try:
         chain_part, effects = document["chain"], document["effects"]
+        # Files of earlier versions are of serial arms, and keep all that was fitted at all frequencies.
+        joints = len(chain_part["joint_names"])
         chain = Chain(
             joint_names=tuple(chain_part["joint_names"]),
-            parent=np.array(chain_part["parent"], dtype=np.int64),
+            parent=np.array(chain_part.get("parent", range(-1, joints - 1)), dtype=np.int64),
             is_slide=np.array(chain_part["is_slide"], dtype=bool),
             **{name: np.array(chain_part[name], dtype=np.float64) for name in ARRAYS},
         )
@@ -188,6 +215,8 @@ def read_correction(document: Any, source: object) -> Corrected:
                 )
                 for term in effects["terms"]
             ),
+            kept=_kept(document.get("kept"), chain.joints),
+            band=np.array(document.get("band", [CUTOFF] * chain.joints), dtype=np.float64),
         )
         for name, values, shape in _shapes(read):
             if values.shape != shape or not np.isfinite(values).all():
@@ -203,6 +232,18 @@ def read_correction(document: Any, source: object) -> Corrected:
     return read
 
 
+def _kept(document: Any, joints: int) -> Kept:
+    """Shares of what was fitted; all of it where the document says none."""
+    if document is None:
+        return everything(joints)
+    return Kept(
+        parameters=np.array(document["parameters"], dtype=np.float64),
+        effects=np.array(document["effects"], dtype=np.float64),
+        parameters_whole=float(document["parameters_whole"]),
+        effects_whole=float(document["effects_whole"]),
+    )
+
+
 def _shapes(model: Corrected) -> Iterator[tuple[str, Array, tuple[int, ...]]]:
     """Arrays of a corrected model that must be finite, by name, and the shapes that they must have."""
     n = model.chain.joints
@@ -214,6 +255,9 @@ def _shapes(model: Corrected) -> Iterator[tuple[str, Array, tuple[int, ...]]]:
     }
     for name, shape in chain.items():
         yield name, getattr(model.chain, name), shape
+    for name in ("parameters", "effects"):
+        yield f"kept {name}", getattr(model.kept, name), (n,)
+    yield "band", model.band, (n,)
     yield "is_slide", model.chain.is_slide.astype(np.float64), (n,)
     for name in LIMITS:
         yield name, np.nan_to_num(getattr(model.limits, name), posinf=0.0, neginf=0.0), (n,)

@@ -14,14 +14,21 @@ from .accepted import Accepted
 from .alignment import aligned
 from .attribution import CONFUSABLE, Attribution, attribute
 from .certainty import certainties
+from .correction import corrected_by
 from .deviations import covariance_with_shapes
-from .evidence import Fit, on_whole_runs, rms, standard_values
-from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
+from .evidence import Fit, rms, standard_values
+from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate
 from .healthy import OFFSET
+from .held_out.at_rest import left_at_rest
+from .held_out.doubts import ONE_SINE, doubt, with_support
+from .held_out.prior_strength import with_predictive_prior
+from .held_out.shrinkage import Kept, everything, shares_kept
+from .held_out.unlike import without_differences
 from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
-from .misleading import without_misleading
+from .misleading import without_misleading, without_untold
+from .motion.one_sine import one_sine
 from .naming import is_how_runs_begin
 from .noise import noise
 from .preparation import Prepared
@@ -40,17 +47,30 @@ PARAMETERS_TORQUE = 0.01
 FAR_LESS = 0.2
 
 
-def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
+def diagnose(
+    robot: Robot,
+    recordings: Mapping[str, Recording],
+    without: Sequence[str] = (),
+    cutoff: float | None = None,
+    payloads: Mapping[str, float] | None = None,
+) -> Diagnosis:
     """Why the model and the logs disagree.
 
     recordings: runs by name; their truth, where a simulation has written one, is not looked at.
-    without: effects taken out of the catalogue. Raises InputError for runs that are too short.
+    without: effects taken out of the catalogue. cutoff: Hz, no joint's band is wider; None for what its
+    encoders leave. payloads: kg, known to be in one run and in no other, by its name. Raises InputError for
+    runs that are too short.
     """
-    found = attribute(aligned(robot, recordings), without)
+    alike, differences = without_differences(aligned(robot, recordings, cutoff), payloads)
+    found = without_untold(attribute(alike, without))
     prepared = found.prepared
-    only = found.parameters_only[0], on_whole_runs(*found.parameters_only)
-    found, final = without_misleading(found, only)
-    gap = _gap(prepared, only, final)
+    only = found.parameters_only[0], with_predictive_prior(*found.parameters_only)
+    found, (hypothesis, fitted) = without_misleading(found, only)
+    final = hypothesis, with_predictive_prior(hypothesis, fitted)
+    again = recurrence(*final)
+    model = corrected_by(only[1], final, again, everything(robot.joints))
+    kept, left = _kept(only, final, left_at_rest(prepared, model), _torque(prepared))
+    only, gap = (only[0], replace(only[1], held_out=left[1])), _gap(prepared, final[0], left)
     fitted_gap = rms(final[1].residual, final[0])
     torque = _torque(prepared)
     accepted, unmet = names_that_hold(found.accepted, gap, fitted_gap, torque)
@@ -58,6 +78,13 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     untold = [each for each in closed_without_a_name(accepted, gap, torque) if each.joint not in told]
     accepted, bursts = pushes_that_hold(accepted, gap)
     found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold, *bursts))
+    found = _without_doubtful(found, kept)
+    if (alone := _only_by_itself(found)).any() and kept.effects[alone].any():
+        # What other joints' motion would make of them was never seen.
+        kept = replace(kept, effects=np.where(alone, 0.0, kept.effects))
+        found = replace(found, accepted=with_support(found.accepted, kept))
+        effects_left = tuple(np.where(alone, a, b) for a, b in zip(left[1], left[2], strict=True))
+        gap = _gap(prepared, final[0], (left[0], left[1], effects_left))
     named = [index for index, item in enumerate(found.accepted) if item.named]
     named.sort(key=lambda index: -found.accepted[index].score)
     effects = tuple(_named(found, index) for index in named)
@@ -72,62 +99,92 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     if misplaced is None:
         verdict = _verdict(found, gap)
         sentence = torque_scale.in_words(robot, scales, excessive) + sentence_of(
-            robot, verdict, effects, found.unknown, gap
+            robot, verdict, effects, found.unknown, gap, torque
         )
     else:
         # Beside such a gap whatever has a name stands for a part of it.
         verdict, sentence = "unknown", frames.in_words(robot, misplaced)
-    hypothesis, fitted = final
+    fitted = final[1]
     return Diagnosis(
         robot=robot,
         verdict=verdict,
         sentence=sentence,
         effects=effects if verdict == "effect" else (),
         ranked=_ranked(found, dict(zip(named, probabilities, strict=True)) if verdict == "effect" else {}),
-        where=_where(found, only, gap, verdict),
+        where=where(prepared, only, gap.noise_floor),
         gap=gap,
         prepared=prepared,
         parameters_only=only,
         final=final,
         parameters=standard_values(prepared, fitted.values),
         timing=float(fitted.values[hypothesis.timing]),
+        kept=kept,
         not_observable=found.hidden,
         notes=tuple(unclaimed_in_words(robot, item) for item in found.unknown),
-        recurrence=recurrence(hypothesis, fitted),
+        recurrence=again,
         everywhere=tuple(
             (a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.is_everywhere
         ),
         misplaced=misplaced,
+        one_sine=one_sine(prepared),
+        differences=differences,
         scales=scales,
         excessive=excessive,
     )
+
+
+def _only_by_itself(found: Attribution) -> NDArray[np.bool_]:
+    """Which joints (n,) only ever move by themselves, and have no effect with a name."""
+    alone = found.prepared.by_itself.copy()
+    for item in found.accepted:
+        if item.named and item.candidate.family.joint is not None:
+            alone[item.candidate.family.joint] = False
+    return alone
+
+
+def _without_doubtful(found: Attribution, kept: Kept) -> Attribution:
+    """The attribution without names that left-out runs, a bound or their own deviation speak against."""
+    accepted = list(with_support(found.accepted, kept))
+    sines = one_sine(found.prepared)
+    by_sines = bool(sines) and sines | found.prepared.still >= set(range(found.prepared.joints))
+    for index, item in enumerate(accepted):
+        if item.named and (why := ONE_SINE if by_sines else doubt(_named(found, index))):
+            accepted[index] = replace(item, named=False, doubt=why)
+    return replace(found, accepted=tuple(accepted))
 
 
 def _places(effects: Sequence[NamedEffect]) -> set[tuple[str, int | None]]:
     return {(each.effect, each.joint) for each in effects}
 
 
-def _where(found: Attribution, only: tuple[Design, Fit], gap: Gap, verdict: str) -> tuple[Share, ...]:
-    """The joints by their share of the gap; where it has no name, those with such a gap come first.
+def _kept(
+    only: tuple[Design, Fit],
+    final: tuple[Design, Fit],
+    at_rest: tuple[tuple[Array, ...], ...],
+    torque: Array,
+) -> tuple[Kept, tuple[tuple[Array, ...], ...]]:
+    """How much of what was fitted is kept, and what that leaves of runs held out, a run (M, n).
 
-    only: re-identification alone, with whole runs held out.
+    The second: by the model as given, re-identified, and with the effects. at_rest: the same near rest, zero
+    elsewhere. torque: (n,) N·m of the joints.
     """
-    shares = where(found.prepared, only, gap.noise_floor)
-    misfit = [item.joint for item in found.unknown] if verdict == "unknown" else []
-    order = {joint: place for place, joint in enumerate(dict.fromkeys(misfit))}
-    return tuple(sorted(shares, key=lambda share: order.get(share.joint, len(order))))
+    first = only[0]
+    nominal = tuple(np.where(used, gap, 0.0) for used, gap in zip(first.used, first.gap, strict=True))
+    weights = 1 / np.maximum(torque, np.finfo(float).tiny) ** 2
+    stages = nominal, only[1].held_out, final[1].held_out
+    kept = shares_kept(stages, at_rest, weights)
+    each_run = zip(*stages, strict=True)
+    parameters, effects = zip(*(kept.of_torque(*run) for run in each_run), strict=True)
+    return kept, (nominal, parameters, effects)
 
 
-def _gap(prepared: Prepared, only: tuple[Design, Fit], final: tuple[Design, Fit]) -> Gap:
-    """What is left of whole runs held out, by re-identification alone and with the effects."""
-    first, first_fit = only
-    nominal = [np.where(used, gap, 0.0) for used, gap in zip(first.used, first.gap, strict=True)]
-    parameters = rms(first_fit.held_out, first)
-    effects = rms(final[1].held_out, final[0])
-    floor = np.minimum(noise(prepared).rms, np.minimum(effects, parameters))
-    runs = (nominal, first_fit.held_out, final[1].held_out)
-    intervals = np.array([rms_interval(prepared, residual) for residual in runs])
-    return Gap(rms(nominal, first), parameters, effects, floor, intervals)
+def _gap(prepared: Prepared, hypothesis: Design, left: Sequence[Sequence[Array]]) -> Gap:
+    """Errors on runs held out. left: residuals by the model as given, re-identified, and with the effects."""
+    nominal, parameters, effects = (rms(each, hypothesis) for each in left)
+    of_noise = noise(prepared)
+    floor = np.minimum(of_noise.rms, np.minimum(effects, parameters))
+    intervals = np.array([rms_interval(prepared, residual) for residual in left])
+    return Gap(nominal, parameters, effects, floor, intervals, ~of_noise.seen)
 
 
 def _verdict(found: Attribution, gap: Gap) -> str:
@@ -238,6 +295,8 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
 def _why_not_told(found: Attribution, item: Accepted) -> str:
     """Why the verdict does not name what was taken in."""
     family = item.candidate.family
+    if item.doubt:
+        return item.doubt
     if item.named:
         return "beside a larger gap that has no name"
     if is_how_runs_begin(found.prepared, item.candidate):

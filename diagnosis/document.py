@@ -117,10 +117,23 @@ def diagnosis_document(
         "misplaced": _misplaced(diagnosis.misplaced, names),
         "torque_scale": {names[joint]: _number(factor) for joint, factor in diagnosis.scales.items()},
         "torque_by_limit": {names[joint]: _number(times) for joint, times in diagnosis.excessive.items()},
+        "differences": [
+            {
+                "run": each.run,
+                "kind": each.kind,
+                "mass": None if each.mass is None else _quantity(each.mass),
+                "offsets": _numbers(each.offsets),
+                "gains": None if each.gains is None else _numbers(each.gains),
+                "deviations": None if each.deviations is None else _numbers(each.deviations),
+            }
+            for each in diagnosis.differences
+        ],
         "late": _number(diagnosis.prepared.lag.seconds),
         "low_passed": _low_passed(diagnosis.prepared.lag),
         "noise_unseen": [names[joint] for joint in diagnosis.noise_unseen],
         "silent": [names[joint] for joint in sorted(diagnosis.prepared.silent)],
+        "still": [names[joint] for joint in sorted(diagnosis.prepared.still)],
+        "one_sine": [names[joint] for joint in sorted(diagnosis.one_sine)],
         "untold": [names[joint] for joint in diagnosis.untold],
         "mended": diagnosis.mended,
         "everywhere": [{"effect": effect, "joint": name(joint)} for effect, joint in diagnosis.everywhere],

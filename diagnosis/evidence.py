@@ -162,7 +162,10 @@ def _in_turn(hypothesis: Design, normal: Normal, scale_passes: int) -> tuple[Arr
 
 
 def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:
-    """The fit with whole runs held out, each predicted from the others; as it is where there is only one."""
+    """The fit with whole runs held out, each predicted from the others; as it is where there is only one.
+
+    No other run tells of a joint that moves in one run alone: there, parts of that run are held out.
+    """
     prepared = hypothesis.prepared
     if len(prepared.runs) == 1 or len(prepared.runs) == len(prepared.folds):
         return fitted
@@ -172,7 +175,9 @@ def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:
         np.stack([part[of_run == run].sum(axis=0) for run, _ in whole])
         for part in normal_of(hypothesis).weighted(fitted.weights)
     )
-    return _with_held_out(hypothesis, fitted, folds, whole)
+    found = _with_held_out(hypothesis, fitted, folds, whole)
+    parts = zip(prepared.moved_alone, fitted.held_out, found.held_out, strict=True)
+    return replace(found, held_out=tuple(np.where(own, part, left) for own, part, left in parts))
 
 
 def _with_held_out(

@@ -13,6 +13,8 @@ from testbench.robot import Robot
 from .candidates import Candidate
 from .evidence import Fit
 from .frames import Misplaced
+from .held_out.shrinkage import Kept
+from .held_out.unlike import Difference
 from .hypothesis import Design
 from .noise import noise
 from .preparation import Prepared
@@ -113,7 +115,9 @@ class Share:
 class Gap:
     """RMS torque error a joint, (n,) N·m, on runs left out: as given, re-identified, with the effects.
 
-    noise_floor: what noise alone would leave. intervals: (3, 2, n) 90 % of the first three, or None.
+    Of what was fitted, as far as it is kept: each is at most the one before it.
+    noise_floor: what noise alone would leave. intervals: (3, 2, n) 90 % of the first three, or None. unseen:
+    (n,) joints whose noise is not seen, so that the floor is a bound; None for none.
     """
 
     nominal: Array
@@ -121,6 +125,11 @@ class Gap:
     effects: Array
     noise_floor: Array
     intervals: Array | None = None
+    unseen: NDArray[np.bool_] | None = None
+
+    def is_bound(self, joint: int) -> bool:
+        """Whether noise leaves at most the floor of this joint."""
+        return self.unseen is not None and bool(self.unseen[joint])
 
     @property
     def closed(self) -> float | None:
@@ -158,10 +167,13 @@ class Diagnosis:
     parameters_only, final: (hypothesis, fit) after re-identification and with the effects.
     parameters: (14 n,) re-identified standard parameters of the final hypothesis; timing: s, the
     common torque delay that goes with them, beside how late ``prepared`` says that the logs have it.
+    kept: how much of either the predictions and the model files have.
     not_observable: effects nothing of which would show.
     recurrence: the push as one that every run has. everywhere: effects fitted without a name, as other joints
     are about as imperfect. misplaced: the frame of the model that is not the robot's, beside which nothing is
-    told. scales: by joint, the factor of logged torque to the model's, where that is in other units.
+    told. one_sine: joints that follow one sine in each run. differences: what some runs have
+    and others have not, taken off before the fit. scales: by joint, the factor of logged torque to
+    the model's, where that is in other units.
     excessive: by joint, the RMS torque by its drive's limit, where that is more than any drive gives.
     """
 
@@ -177,11 +189,14 @@ class Diagnosis:
     final: tuple[Design, Fit]
     parameters: Array
     timing: float
+    kept: Kept
     not_observable: tuple[tuple[str, int | None], ...] = ()
     notes: tuple[str, ...] = field(default_factory=tuple)
     recurrence: Recurrence | None = None
     everywhere: tuple[tuple[str, int | None], ...] = ()
     misplaced: Misplaced | None = None
+    one_sine: frozenset[int] = frozenset()
+    differences: tuple[Difference, ...] = ()
     scales: Mapping[int, float] = field(default_factory=dict)
     excessive: Mapping[int, float] = field(default_factory=dict)
 
@@ -192,9 +207,9 @@ class Diagnosis:
 
     @property
     def untold(self) -> tuple[int, ...]:
-        """The joints that move too little in these runs for a name, and that have none."""
+        """The joints that move, but of which these runs tell too little for a name, and that have none."""
         named = {joint for each in self.effects for joint in (each.joint, each.into)}
-        others = named | self.prepared.silent
+        others = named | self.prepared.silent | self.prepared.still
         return tuple(j for j in np.flatnonzero(~self.final[0].is_told).tolist() if j not in others)
 
     @property

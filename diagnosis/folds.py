@@ -26,7 +26,10 @@ def covered(prepared: Prepared) -> Prepared:
     """The runs with folds that the others foretell: joints may move in turn, or in one run alone be fast."""
     hypothesis, fitted = fitted_to(prepared, [])
     torque = ground(prepared).torque_rms
-    alone = set()
+    # No other run tells of a joint that moves in one alone.
+    alone: set[int] = set()
+    if len(prepared.runs) > 1:
+        alone.update(np.flatnonzero(np.any(prepared.moved_alone, axis=1)).tolist())
     for index in range(len(prepared.runs)):
         least = (SEEN * torque) ** 2 * np.maximum(hypothesis.used[index].sum(axis=0), 1)
         without, together = squares([fitted.held_out[index]]), squares([fitted.residual[index]])

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
 from testbench.effects import effect
+from testbench.effects.payload import arm_length
 from testbench.effects.signature import Quantity
 from testbench.effects.size import scale_of, typical_range
 from testbench.robot import Robot
@@ -97,6 +98,8 @@ MOST_BENT = 30.0
 # A kilogram is much on a small arm: there a mild payload is this share of the last link, or of the heaviest's
 # hundredth where the model has next to nothing last.
 PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.45, 0.01
+# A tool's centre is no farther from the last joint than this share of the arm's length.
+TOOL_REACH = 0.4
 # An effect's size is its first parameter, or the largest of these.
 DIFFERENCE = "viscous_difference"
 _SIZES: Mapping[str, tuple[str, ...]] = {
@@ -164,6 +167,9 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
             value = np.asarray(values[parameter.name].value)
             if np.any(value < parameter.lower) or np.any(value > parameter.upper):
                 return False
+    if family.effect == PAYLOAD:
+        moment = float(np.linalg.norm(values["first_moment"].value))
+        return moment <= TOOL_REACH * arm_length(robot.chain) * _number(values["mass"])
     is_first = candidate.member.law is None or family.effect == CABLE
     largest = LARGEST.get(family.effect) if is_first else LARGEST_BY_LAW
     if largest is not None:

@@ -93,7 +93,8 @@ class Design:
         of_joint[1, [VISCOUS, COULOMB, OFFSET]] = 1.0
         kinds[:, : self.timing] = np.tile(of_joint, self.prepared.joints)
         # What holds a push back goes with the first.
-        kinds[0, self.parameters :] = 1.0
+        for each, part in zip(self.accepted, self.parts, strict=True):
+            kinds[0, part] = each.is_event
         return kinds
 
     @property
@@ -151,7 +152,7 @@ def design(prepared: Prepared, accepted: Sequence[Candidate] = (), is_delayed: b
     """The hypothesis that these effects act, and no other. is_delayed: but for a delay, known apart."""
     # A window in which next to nothing counts must not hold a push without bounds.
     push = (LARGEST_PUSH * float(ground(prepared).torque_rms.max())) ** -2.0
-    free = [np.full(c.count, push if c.is_event else 0.0) for c in accepted]
+    free = [np.full(c.count, push) if c.is_event else c.precision for c in accepted]
     precision = np.concatenate([ground(prepared).precision, *free])
     if is_delayed or any(c.is_common_delay for c in accepted):
         # A delay that is an effect leaves none to the way the log was taken.

@@ -5,6 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
+
 from identification.errors import InputError
 from testbench.effects import effects
 from testbench.excitation_file import write_excitation
@@ -32,20 +34,26 @@ def diagnose_logs(
     without: Sequence[str] = (),
     seed: int = 0,
     jobs: int | None = None,
+    cutoff: float | None = None,
+    payloads: Sequence[str] = (),
     map_path: Path | None = None,
 ) -> tuple[Diagnosis, NextExperiment | None]:
     """Diagnose the logs against the model; write everything to ``out``.
 
-    without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. map_path: how
-    recordings that are no robot-logs are read. Leaves
+    without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. cutoff: Hz, no
+    joint's band is wider; None for what its encoders leave. payloads: RUN=KG each, a payload of known mass
+    that is in that run and in no other. map_path: how recordings that are no robot-logs are read. Leaves
     corrected.xml, report.html, session.rrd, next_experiment.json where one helps, and diagnosis.json,
     which is written last. Raises InputError.
     """
     for name in without:
         if name not in effects():
             raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())
+    if cutoff is not None and not 0 < cutoff < np.inf:
+        raise InputError("diagnose", "--cutoff", "a frequency above 0, Hz", f"{cutoff:g}")
     require_writable(out / DOCUMENT)
     robot = load_robot(model)
+    masses = dict(_stated(each, run_names(logs)) for each in payloads)
     recordings = dict(zip(run_names(logs), read_runs(logs, robot, map_path), strict=True))
     # Simulation and most of a design is outside the interpreter, and looks at nothing of the rest.
     with steps() as progress, ThreadPoolExecutor(1) as aside:
@@ -54,7 +62,7 @@ def diagnose_logs(
         aside.submit(import_module, ".report", __package__)
         with progress.step("diagnose"):
             try:
-                diagnosis = diagnose(robot, recordings, without)
+                diagnosis = diagnose(robot, recordings, without, cutoff, masses)
             except InputError as error:
                 raise by_path(error, logs) from None
         with progress.step("corrected simulator"):
@@ -73,3 +81,17 @@ def diagnose_logs(
             write_report(diagnosis, out / "report.html", not_in_mjcf, forward, experiment)
             write_diagnosis(diagnosis, out / DOCUMENT, not_in_mjcf, forward, experiment)
     return diagnosis, experiment
+
+
+def _stated(payload: str, runs: Sequence[str]) -> tuple[str, float]:
+    """Run and mass, kg, of RUN=KG. Raises InputError for another form, and for a run that is not there."""
+    run, _, mass = payload.rpartition("=")
+    if run not in runs:
+        raise InputError("diagnose", "--payload", "RUN=KG with the name of a run", repr(payload), runs)
+    try:
+        kilograms = float(mass)
+    except ValueError:
+        kilograms = 0.0
+    if not 0 < kilograms < np.inf:
+        raise InputError("diagnose", "--payload", "RUN=KG with a mass above 0", repr(payload))
+    return run, kilograms

@@ -22,6 +22,8 @@ Mask = NDArray[np.bool_]
 
 # A regime is named from so many times its expected share, if its interval is above that too.
 DENSE = 1.3
+# Of a joint's gap that is in no regime more than in others.
+EVERYWHERE = "everywhere"
 # A period is named where it holds this much of the joint's gap, too, and a band from this much on.
 LEAST = {PERIODIC: 0.2, FREQUENCY: 0.5}
 
@@ -144,7 +146,7 @@ def where(prepared: Prepared, parameters_only: tuple[Design, Fit], noise: Array)
         found.append(
             Share(
                 joint=joint,
-                regime="everywhere" if named is None else named.regime,
+                regime=EVERYWHERE if named is None else named.regime,
                 share=float(excess[joint] / total),
                 gap_rms=float(gap[joint]),
                 noise_rms=float(noise[joint]),

@@ -6,7 +6,7 @@ import numpy as np
 
 from .accepted import Accepted
 from .attribution import Attribution
-from .evidence import Fit, on_whole_runs, squares
+from .evidence import Fit, fitted_to, on_whole_runs, squares
 from .hypothesis import Design
 from .naming import without_one
 
@@ -32,6 +32,32 @@ def without_misleading(
             return found, final
         trials = [_without(found, place) for place in loading]
         found, final = min(trials, key=lambda trial: float(squares(trial[1][1].held_out)[joint]))
+
+
+def without_untold(found: Attribution) -> Attribution:
+    """The attribution without effects that these runs tell too little of to predict another motion.
+
+    Those without a name, at joints of which too little is told for one: a few seconds of one motion suit any
+    law. At joints that only ever move by themselves all of those, and what re-identification swallows: what
+    other joints' motion loads them with was never seen.
+    """
+    by_itself = found.prepared.by_itself
+    enough = found.hypothesis.is_told & ~by_itself
+    together = np.any(found.prepared.moved.any(axis=0) & ~by_itself)
+
+    def is_told(item: Accepted) -> bool:
+        joint = item.candidate.family.joint
+        if joint is None:
+            return bool(together) or not item.candidate.family.swallowed
+        if enough[joint]:
+            return True
+        return item.named and not (item.candidate.family.swallowed and by_itself[joint])
+
+    kept = [item for item in found.accepted if is_told(item)]
+    if len(kept) == len(found.accepted):
+        return found
+    hypothesis, fitted = fitted_to(found.prepared, [item.candidate for item in kept])
+    return replace(found, accepted=tuple(kept), hypothesis=hypothesis, fitted=fitted)
 
 
 def _without(found: Attribution, place: int) -> tuple[Attribution, tuple[Design, Fit]]:

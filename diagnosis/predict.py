@@ -49,8 +49,13 @@ class PredictedTorque:
     corrected: Array
 
 
-def predict(directory: Path, log: Path, out: Path, map_path: Path | None = None) -> PredictedTorque:
+def predict(
+    directory: Path, log: Path, out: Path, raw: bool = False, map_path: Path | None = None
+) -> PredictedTorque:
     """Predict the torque along LOG's motion with DIR's corrected model, write it to ``out`` and say so.
+
+    raw: at all frequencies; otherwise each joint's torque passes the low-pass of the fit, whose corner is the
+    datasets' attribute ``band``, Hz.
 
     ``out`` is a robot-log with LOG's time and motion, the corrected model's torque as joint/torque, and
     nominal/torque and parameters/torque beside it. LOG's torque is never used. map_path: how a recording
@@ -64,6 +69,9 @@ def predict(directory: Path, log: Path, out: Path, map_path: Path | None = None)
         predicted = predict_torque(model, recording)
     except InputError as error:
         raise by_path(error, [log]) from None
+    band = np.minimum(model.band, filter_cutoff(recording.sample_rate))
+    if not raw:
+        predicted = in_band(predicted, recording.sample_rate, band)
     written = Recording(
         robot=recording.robot,
         joint_names=recording.joint_names,
@@ -76,10 +84,22 @@ def predict(directory: Path, log: Path, out: Path, map_path: Path | None = None)
         is_slide=recording.is_slide,
     )
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_log(written, out, {"nominal/torque": predicted.nominal, "parameters/torque": predicted.parameters})
+    beside = {"nominal/torque": predicted.nominal, "parameters/torque": predicted.parameters}
+    write_log(written, out, beside, None if raw else band)
     samples, joints = predicted.corrected.shape
     print(f"{out}: predicted torque of {joints} joints at {samples} instants of {log}")
     return predicted
+
+
+def in_band(predicted: PredictedTorque, sample_rate: float, band: Array) -> PredictedTorque:
+    """The torques with each joint's low-passed at its corner, (n,) Hz, as a fit has it."""
+
+    def filtered(torque: Array) -> Array:
+        columns = zip(torque.T, band.tolist(), strict=True)
+        return np.column_stack([zero_phase_lowpass(own, sample_rate, corner) for own, corner in columns])
+
+    torques = (predicted.nominal, predicted.parameters, predicted.corrected)
+    return PredictedTorque(*(filtered(torque) for torque in torques))
 
 
 def read_diagnosed(directory: Path) -> Corrected:
@@ -100,6 +120,21 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     replaced by what the models say.
     """
     logged = logged_motion(model, recording)
+    nominal, *fitted = torque_along(model, logged)
+    as_logged = [model.lag.put_on(torque, logged.sample_rate) for torque in fitted]
+    # What is known of the log and of friction near rest is no parameter, and is kept.
+    known = replace(logged, parameters=model.nominal).predicted
+    late = model.lag.put_on(known, logged.sample_rate)
+    torques = (nominal, *model.kept.of_torque(late, *as_logged))
+    # A log whose time stamps stray was resampled.
+    return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
+
+
+def torque_along(model: Corrected, logged: Logged) -> tuple[Array, Array, Array]:
+    """Torque (N, n) N·m along a motion: as given, re-identified, and corrected, all of what was fitted.
+
+    logged: of ``logged_motion``, or the like of a run.
+    """
     rate = logged.sample_rate
     given = replace(logged, coulomb_smoothing=np.full(logged.joints, AT_REST), coulomb_lead=0.0)
     nominal = replace(given, parameters=model.nominal).predicted
@@ -107,11 +142,7 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     corrected = TorqueLag(model.final_timing).put_on(corrected, rate)
     for torque in _term_torques(model.terms, logged):
         corrected += torque
-    parameters = TorqueLag(model.parameters_timing).put_on(parameters, rate)
-    as_logged = (model.lag.put_on(torque, rate) for torque in (parameters, corrected))
-    torques = (nominal, *as_logged)
-    # A log whose time stamps stray was resampled.
-    return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
+    return nominal, TorqueLag(model.parameters_timing).put_on(parameters, rate), corrected
 
 
 def _term_torques(terms: Sequence[Term], logged: Logged) -> list[Array]:

@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from testbench.torque_lag import IN_TIME, TorqueLag
 
 from .decimation import DecimatingFilter, decimating_filters, filtered, filtered_windows
 from .mended_log import MendedLog, fastest, mended_log
+from .motion.travel import is_moving
 
 Array = NDArray[np.float64]
 
@@ -105,7 +107,7 @@ class Prepared:
     joints that bristles hold, so that their samples near rest count, too. standing: pairs of joints whose
     shared drive stands still at times: what holds any of that does not count there. lag: by which the logs
     had their torque late; it is as of the positions here. silent: joints whose torque never changes, of which
-    no sample counts.
+    no sample counts. still: joints that stand still in all runs, which tell nothing of them.
     """
 
     robot: Robot
@@ -118,11 +120,38 @@ class Prepared:
     standing: frozenset[tuple[int, int]] = frozenset()
     lag: TorqueLag = IN_TIME
     silent: frozenset[int] = frozenset()
+    still: frozenset[int] = frozenset()
 
     @property
     def joints(self) -> int:
         """Number of joints."""
         return self.robot.joints
+
+    @property
+    def cutoff(self) -> Array:
+        """(n,) Hz, each joint's low-pass."""
+        return self.band * max(filter_cutoff(run.logged.sample_rate) for run in self.runs)
+
+    @cached_property
+    def moved(self) -> NDArray[np.bool_]:
+        """Which joints move in each run, (R, n)."""
+        return np.array([run.used.sum(axis=0) >= SMALLEST_RUN for run in self.runs])
+
+    @property
+    def moved_alone(self) -> NDArray[np.bool_]:
+        """Which joints move in one run and in no other, (R, n), at that run."""
+        return np.asarray(self.moved & (self.moved.sum(axis=0) == 1))
+
+    @property
+    def by_itself(self) -> NDArray[np.bool_]:
+        """Which joints (n,) of several only ever move while all others stand still."""
+        together = self.moved & (self.moved.sum(axis=1, keepdims=True) > 1)
+        return np.asarray((self.joints > 1) & self.moved.any(axis=0) & ~together.any(axis=0))
+
+    def moves(self, joint: int | None, into: int | None = None) -> bool:
+        """Whether a joint moves in some run, both of a pair in the same one; the robot does."""
+        needed = [each for each in (joint, into) if each is not None]
+        return bool(np.any(np.all(self.moved[:, needed], axis=1)))
 
     @property
     def sample_time(self) -> float:
@@ -188,18 +217,24 @@ def filter_cutoff(sample_rate: float) -> float:
     return Preprocessing(CUTOFF).at(sample_rate).cutoff
 
 
-def prepare(robot: Robot, recordings: Mapping[str, Recording], lag: TorqueLag = IN_TIME) -> Prepared:
+def prepare(
+    robot: Robot,
+    recordings: Mapping[str, Recording],
+    lag: TorqueLag = IN_TIME,
+    highest: float | None = None,
+) -> Prepared:
     """Filter every run and write its equations.
 
-    lag: by which the recordings have their torque late. Raises InputError for runs that are too short, or
-    all at rest.
+    lag: by which the recordings have their torque late. highest: Hz, no joint's band is wider; None for what
+    the encoders leave. Raises InputError for runs that are too short, or all at rest.
     """
     if not recordings:
         raise InputError("diagnose", "logs", "at least one", 0)
     fast = fastest(robot.joints, list(recordings.values()))
     logs = [mended_log(name, recording, fast, lag) for name, recording in recordings.items()]
     widest = max(filter_cutoff(log.motion.sample_rate) for log in logs)
-    bands = joint_bands(robot.chain, robot.parameters, [log.motion for log in logs], widest)
+    motions, allowed = [log.motion for log in logs], min(widest, highest or widest)
+    bands = joint_bands(robot.chain, robot.parameters, motions, allowed)
     thinning = _thinning(robot, logs, float(bands.cutoff.max()))
     speaks = np.any([np.ptp(log.recording.torque, axis=0) > 0 for log in logs], axis=0)
     runs = tuple(_run(robot, log, bands.cutoff, thinning) for log in logs)
@@ -210,8 +245,12 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording], lag: TorqueLag = 
     each = -(-FEWEST_FOLDS // len(runs))
     folds = tuple((index, part) for index, run in enumerate(runs) for part in blocks(len(run.time), each))
     silent = frozenset(np.flatnonzero(~speaks).tolist())
+    moved = np.sum([run.used.sum(axis=0) for run in runs], axis=0) >= SMALLEST_RUN
+    still = frozenset(np.flatnonzero(~moved).tolist()) - silent
     share = bands.cutoff / widest
-    return Prepared(robot, runs, share, bands.encoder_torque, folds, thinning, lag=lag, silent=silent)
+    return Prepared(
+        robot, runs, share, bands.encoder_torque, folds, thinning, lag=lag, silent=silent, still=still
+    )
 
 
 def blocks(samples: int, count: int) -> list[slice]:
@@ -294,7 +333,7 @@ def _run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> Run:
     made_up = _between(log.stamps, logged.time, max(LONGEST_STEP / cutoff, STEPS * step))
     whole = np.column_stack([run.apart_from(made_up, j) for j in range(robot.joints)])
     used = np.column_stack([run.away_from(j, DEAD_ZONE) for j in range(robot.joints)])
-    return replace(run, whole=whole, used=whole & used)
+    return replace(run, whole=whole, used=whole & used & is_moving(log.motion, run.q, log.position_step))
 
 
 def _between(stamps: Array, time: Array, longest: float) -> NDArray[np.bool_]:

@@ -3,14 +3,19 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
 from .accepted import ONE_WAY, RESONANCE
-from .findings import LITTLE_CLOSED, Gap, NamedEffect
+from .findings import LITTLE_CLOSED, PERHAPS_NOISE, Gap, NamedEffect
 from .one_sided import ONE_SIDED
 from .unclaimed import NOTHING, UNTOLD, Unclaimed
 
+Array = NDArray[np.float64]
+
+# Of each joint's torque: a model that predicts left-out runs to this explains them.
+LITTLE_OF_TORQUE = 0.05
 # A name below this probability is as likely as not.
 UNSURE = 0.6
 # What would make a robot so.
@@ -24,13 +29,23 @@ NEXT_TO_NOTHING = 0.005
 
 
 def sentence_of(
-    robot: Robot, verdict: str, effects: Sequence[NamedEffect], unknown: Sequence[Unclaimed], gap: Gap
+    robot: Robot,
+    verdict: str,
+    effects: Sequence[NamedEffect],
+    unknown: Sequence[Unclaimed],
+    gap: Gap,
+    torque: Array,
 ) -> str:
-    """The verdict in one sentence. effects, unknown: what has a name, and what none explains, most first."""
+    """The verdict in one sentence. effects, unknown: what has a name, and what none explains, most first.
+
+    torque: (n,) N·m RMS of the joints.
+    """
     if verdict == "none":
-        return "The model explains these logs as well as one re-identified from them."
+        left = left_in_words(robot, gap.nominal, gap, torque)
+        return f"The model predicts these logs as well as one re-identified from them, and {left}."
     if verdict == "parameters":
-        return "Re-identified parameters explain these logs; no effect beyond them is needed."
+        left = left_in_words(robot, gap.parameters, gap, torque)
+        return f"Other parameters than the model's are all that is found: re-identified, it {left}."
     if verdict == "unknown":
         return f"At {unclaimed_in_words(robot, unknown[0])}."
     parts = [_named_in_words(robot, effect) for effect in effects]
@@ -39,6 +54,23 @@ def sentence_of(
         named = ", ".join(parts)
         return f"There is {named}: along the measured motion it leaves no gap, in closed loop it does."
     return f"The gap comes from {', '.join(parts)}; {shrunk_in_words(robot, effects[0].joint, gap)}."
+
+
+def left_in_words(robot: Robot, left: Array, gap: Gap, torque: Array) -> str:
+    """How well a model predicts left-out runs: to the noise, to a share of the torque, or what is left where.
+
+    left: (n,) N·m RMS, its error on runs left out.
+    """
+    share = np.divide(left, torque, out=np.zeros_like(left), where=torque > 0)
+    worst = int(np.argmax(share))
+    if np.all(left <= PERHAPS_NOISE * gap.noise_floor):
+        return "explains them to the noise"
+    if share[worst] <= LITTLE_OF_TORQUE:
+        return f"explains them to {share[worst]:.1%} of each joint's torque"
+    times = left[worst] / max(gap.noise_floor[worst], float(np.finfo(float).tiny))
+    beyond = f"{'at least ' if gap.is_bound(worst) else ''}{times:.2g} times the noise"
+    of_torque = f"{share[worst]:.0%} of the torque of {robot.joint_names[worst]}"
+    return f"leaves {of_torque} on runs left out, {beyond}, without a named cause"
 
 
 def _named_in_words(robot: Robot, effect: NamedEffect) -> str:

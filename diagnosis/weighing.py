@@ -175,7 +175,8 @@ class Stage:
             chosen = [bank.candidates[c] for c in members]
             bounds = [np.array([getattr(c.member, side) for c in chosen]) for side in ("lower", "upper")]
             free = np.array([c.is_free for c in chosen])
-            ridge = FREE_RIDGE * (free[:, None] * size)[:, :, None] * np.eye(k)
+            held_back = FREE_RIDGE * free[:, None] * size + np.array([c.precision for c in chosen])
+            ridge = held_back[:, :, None] * np.eye(k)
             schur = own - _products(total_cross, through, at)
             root = np.sqrt(size)
             normed = schur / (root[:, :, None] * root[:, None, :])

@@ -141,12 +141,18 @@ def check_joints(recording: Recording, joint_names: Sequence[str], source: objec
         raise InputError(source, "joint_names", expected, list(recording.joint_names))
 
 
-def write_log(recording: Recording, path: str | Path, beside: Mapping[str, Array] | None = None) -> None:
+def write_log(
+    recording: Recording,
+    path: str | Path,
+    beside: Mapping[str, Array] | None = None,
+    band: Array | None = None,
+) -> None:
     """Write a robot-log so that ``path`` holds either the whole log or what it held before.
 
     The provenance is stored as JSON with ``created``, the time of writing (UTC) unless the
     recording brings its own; everything else depends on the recording alone, byte for byte.
-    beside: more torques (N, n) by the names of their datasets, which are no part of the format.
+    beside: more torques (N, n) by the names of their datasets, which are no part of the format. band: (n,)
+    Hz, of the low-pass that all torques have passed, their attribute; None for none.
     Raises InputError for a recording that ``read_log`` would refuse, or a folder that does not exist.
     """
     path = Path(path)
@@ -158,6 +164,8 @@ def write_log(recording: Recording, path: str | Path, beside: Mapping[str, Array
         _write(file, recording)
         for name, torque in (beside or {}).items():
             _put(file, name, torque, file["joint/torque"].attrs["unit"])
+        for name in () if band is None else ("joint/torque", *(beside or {})):
+            file[name].attrs["band"] = band
 
     with replacing(path) as part:
         write_hdf5(part, fill)

@@ -10,6 +10,7 @@ from diagnosis.candidates import Candidate, candidate
 from diagnosis.evidence import fit
 from diagnosis.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
 from diagnosis.forward import ForwardGap, forward_gap, gap_as_given
+from diagnosis.held_out.shrinkage import everything
 from diagnosis.hypothesis import design
 from diagnosis.linearisation import first_linearised
 from diagnosis.localisation import where
@@ -110,6 +111,7 @@ def diagnosed(
         final=(final, final_fit),
         parameters=robot.parameters + final_fit.values[: PER_JOINT * robot.joints],
         timing=float(final_fit.values[PER_JOINT * robot.joints]),
+        kept=everything(robot.joints),
         not_observable=hidden,
         notes=("a note",),
     )

@@ -81,5 +81,5 @@ def test_rivals_share_what_a_name_has(named):
 )
 def test_the_sentence_says_what_is_as_likely_as_not(arm, named, probability, alike, told):
     first, second = named[0], replace(named[1], probability=probability, confusable_with=alike)
-    sentence = sentence_of(arm, "effect", [first, second], (), _gap(left=1.0))
+    sentence = sentence_of(arm, "effect", [first, second], (), _gap(left=1.0), np.full(arm.joints, 10.0))
     assert sentence.startswith(f"The gap comes from {told}")

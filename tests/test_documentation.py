@@ -97,8 +97,8 @@ def test_the_example_scenario_is_one(tmp_path: Path) -> None:
     assert list(variants) == ["loud"]
 
 
-# Blind studies and loops have a form of their own, and tests of their own.
-OTHERS = ("blind_", "loop_")
+# Studies and loops have a form of their own, and tests of their own.
+OTHERS = ("blind_", "loop_", "study_")
 SCENARIOS = sorted(p for p in (ROOT / "scenarios").glob("*.yaml") if not p.name.startswith(OTHERS))
 
 

@@ -10,6 +10,7 @@ from scipy.ndimage import maximum_filter1d
 from diagnosis.correction import Corrected
 from diagnosis.decimation import decimating_filter
 from diagnosis.evidence import fit
+from diagnosis.held_out.shrinkage import everything
 from diagnosis.hypothesis import design
 from diagnosis.predict import PredictedTorque, predict_torque
 from diagnosis.preparation import DEAD_ZONE, REACH_PERIODS, filter_cutoff, prepare
@@ -62,6 +63,8 @@ def floor(nominal: Robot, twin: Sequence[Recording]) -> Array:
         body_rotation=logged.body_rotation,
         body_origin=logged.body_origin,
         terms=(),
+        kept=everything(nominal.joints),
+        band=prepared.cutoff,
     )
     return hidden_error(model, hidden).parameters
 

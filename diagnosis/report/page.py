@@ -54,7 +54,7 @@ def render(
         created=created,
         runs=[run.name for run in diagnosis.prepared.runs],
         sentence=diagnosis.sentence,
-        of_the_logs=[*words.late(diagnosis), *words.silent(diagnosis)],
+        of_the_logs=[*words.differences(diagnosis), *words.late(diagnosis), *words.silent(diagnosis)],
         tiles=_tiles(diagnosis),
         where=plot("where", "", heat_map.where(diagnosis)) if densest else None,
         densest=densest,
@@ -92,6 +92,7 @@ def render(
                 "parameters": gap.parameters[joint],
                 "effects": gap.effects[joint],
                 "floor": gap.noise_floor[joint],
+                "is_bound": gap.is_bound(joint),
             }
             for joint, (name, unit) in enumerate(zip(robot.joint_names, robot.units(), strict=True))
         ],

@@ -28,6 +28,7 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
         lines.append(_line("effect", f"{label}: {100 * each.probability:.0f} %; {words.parameters(each)}"))
     if diagnosis.effects and diagnosis.notes:
         lines.append(_line("unknown", diagnosis.notes[0]))
+    lines += [_line("runs", each) for each in words.differences(diagnosis)]
     lines += [_line("late", each) for each in words.late(diagnosis)]
     lines += [_line("silent", each) for each in words.silent(diagnosis)]
     lines += [_line("untold", each) for each in words.untold(diagnosis)]
@@ -52,8 +53,7 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
     told = " → ".join(f"{np.sum(rms):.3g} {name}" for name, rms in stages)
     share = gap.told_closed
     closed = "" if share is None or not diagnosis.effects else f"; {100 * share:.0f} % closed"
-    unit = words.torque_unit(robot)
-    lines.append(_line("gap", f"{told}, noise {np.sum(gap.noise_floor):.3g} {unit}{closed}"))
+    lines.append(_line("gap", f"{told}, {words.noise_floor(diagnosis)}{closed}"))
     if next_experiment is not None:
         lines.append(_line("next", next_experiment.why))
     return Text("\n").join(lines[:MOST_LINES])

@@ -10,6 +10,8 @@ from testbench.findings import significant
 from testbench.robot import Robot
 
 from ..findings import Diagnosis, NamedEffect
+from ..held_out.unlike import in_words
+from ..localisation import EVERYWHERE
 
 # The times of a push, of which there may be many.
 INTERVALS = "intervals"
@@ -80,7 +82,7 @@ def parameters(named: NamedEffect) -> str:
 
 
 def where(diagnosis: Diagnosis, most: int = 3) -> str:
-    """The joints with the largest shares of the gap, each with the regime it is densest in.
+    """The joints with the largest shares of the gap, each with the regime that its own gap is densest in.
 
     Empty where the model is as good as a re-identified one, or that leaves nothing above the noise.
     """
@@ -88,7 +90,11 @@ def where(diagnosis: Diagnosis, most: int = 3) -> str:
         return ""
     names = diagnosis.robot.joint_names
     shown = [w for w in diagnosis.where[:most] if w.share >= LEAST_SHOWN]
-    return "; ".join(f"{100 * w.share:.0f} % {names[w.joint]} {w.regime}" for w in shown)
+    return "; ".join(
+        f"{names[w.joint]} {100 * w.share:.0f} %"
+        + ("" if w.regime == EVERYWHERE else f", densest: {w.regime}")
+        for w in shown
+    )
 
 
 def torque_unit(robot: Robot) -> str:
@@ -128,9 +134,24 @@ def near_rest(diagnosis: Diagnosis) -> list[str]:
 
 
 def untold(diagnosis: Diagnosis) -> list[str]:
-    """The joints of which too little is told for a name; nothing where all move enough."""
-    names = [diagnosis.robot.joint_names[joint] for joint in diagnosis.untold]
-    return [f"Too little moves in these runs for a name at {', '.join(names)}."] if names else []
+    """The joints of which too little is told for a name, and why; nothing where all move enough."""
+    names, said = diagnosis.robot.joint_names, []
+    if still := [names[joint] for joint in sorted(diagnosis.prepared.still)]:
+        stay = "it stays as the model has it" if len(still) == 1 else "they stay as the model has them"
+        said.append(f"In these runs {_listed(still)} stood still: {stay}.")
+    if short := [names[joint] for joint in diagnosis.untold]:
+        said.append(f"These runs hold too few seconds of motion for a name at {_listed(short)}.")
+    if sines := [names[joint] for joint in sorted(diagnosis.one_sine)]:
+        place = "every joint" if len(sines) == len(names) else _listed(sines)
+        said.append(
+            f"One sine at {place}: inertia, gravity and springs there cannot be told apart. "
+            "Record a motion of several frequencies."
+        )
+    return said
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def late(diagnosis: Diagnosis) -> list[str]:
@@ -143,6 +164,12 @@ def late(diagnosis: Diagnosis) -> list[str]:
     return [f"The logs have all torque {how_late}; it was taken back."]
 
 
+def noise_floor(diagnosis: Diagnosis) -> str:
+    """The noise floor of all joints together with its unit; a bound where some joint's noise is not seen."""
+    at_most = "at most " if diagnosis.noise_unseen else ""
+    return f"noise {at_most}{np.sum(diagnosis.gap.noise_floor):.3g} {torque_unit(diagnosis.robot)}"
+
+
 def noise_unseen(diagnosis: Diagnosis) -> list[str]:
     """The joints whose noise floor is a bound, since their logs were low-passed; nothing where none was."""
     names = [diagnosis.robot.joint_names[joint] for joint in diagnosis.noise_unseen]
@@ -152,6 +179,11 @@ def noise_unseen(diagnosis: Diagnosis) -> list[str]:
     return [
         f"The torque of {place} was low-passed before it was logged: its noise is at most the floor told."
     ]
+
+
+def differences(diagnosis: Diagnosis) -> list[str]:
+    """What some runs have and others have not; nothing where they are alike."""
+    return in_words(diagnosis.differences, diagnosis.robot.joint_names, diagnosis.robot.units())
 
 
 def silent(diagnosis: Diagnosis) -> list[str]:

@@ -25,6 +25,19 @@ def diagnose(
             validator=at_least_one("--without"),
         ),
     ] = None,
+    cutoff: Annotated[
+        float | None,
+        Parameter(help="Hz, no joint's band is wider; by default as its encoder lets"),
+    ] = None,
+    payload: Annotated[
+        list[str] | None,
+        Parameter(
+            help="RUN=KG: that run carries this mass and the others do not; tells the drives' gains",
+            consume_multiple=True,
+            negative=(),
+            validator=at_least_one("--payload"),
+        ),
+    ] = None,
     map: Map = None,
     seed: Seed = 0,
     jobs: Jobs = None,
@@ -34,7 +47,7 @@ def diagnose(
     from testbench.containment.folder import results_folder
 
     with results_folder(out, WRITTEN):
-        told = diagnose_logs(model, logs, out, without or (), seed, jobs, map)
+        told = diagnose_logs(model, logs, out, without or (), seed, jobs, cutoff, payload or (), map)
     # It is imported by then, behind the closed loop.
     from diagnosis.report import print_summary
 
@@ -47,12 +60,15 @@ def predict(
     *,
     diagnosis: Annotated[Path, Parameter(help="folder that diagnose has written")],
     out: Annotated[Path, Parameter(help="HDF5 to write")],
+    raw: Annotated[
+        bool, Parameter(help="at all frequencies, not in each joint's band alone", negative=())
+    ] = False,
     map: Map = None,
 ) -> None:
     """Predict the torque along a log's motion by the corrected model; the log's torque is not read."""
     from diagnosis.predict import predict as predict_torque
 
-    predict_torque(diagnosis, log, out, map)
+    predict_torque(diagnosis, log, out, raw, map)
 
 
 def loop(

@@ -65,6 +65,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         columns=tuple(each * felt for each in columns),
         lower=np.where(felt, [parameter.lower for parameter in DESCRIPTION.parameters], 0.0),
         upper=np.where(felt, [parameter.upper for parameter in DESCRIPTION.parameters], 0.0),
+        widths=np.array([parameter.typical[1] for parameter in DESCRIPTION.parameters]),
     )
     named = coefficients_as_named(DESCRIPTION, ("roll", "pitch"))
     return Family(DESCRIPTION.name, None, (member,), named)

@@ -58,6 +58,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         columns=tuple(column[:, :, None] for column in columns),
         lower=np.array([lower]),
         upper=np.array([upper]),
+        # One that is known to lie far off is no longer judged by how far they are on arms in general.
+        widths=None if offset else np.array([parameter.typical[1]]),
     )
     named = coefficients_as_named(DESCRIPTION, ("offset",))
     return Family(DESCRIPTION.name, joint, (member,), named, swallowed=True)

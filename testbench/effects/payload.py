@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.parameters import INERTIAL, PER_JOINT
+from identification.chain import Chain
+from identification.parameters import INERTIAL, MASS, PER_JOINT
 from identification.regressor import regressor
 
 from ..robot import Robot
@@ -38,6 +39,10 @@ DENSITY = 2700.0
 MOMENTS = ("first_moment_x", "first_moment_y", "first_moment_z")
 # XX .. ZZ of the ten, kg·m², are bounded by a payload that reaches this far, m.
 REACH = 1.0
+# Deviations: of the mass as a share of all links', of a tool's centre as a share of the arm's length.
+OF_THE_LINKS, OF_THE_LENGTH = 1.0, 0.5
+# m; an arm of one joint has no length between joints.
+SHORTEST = 0.5
 
 
 def centre_and_inertia(injection: Injection) -> tuple[float, Array, float]:
@@ -97,6 +102,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         columns=tuple(columns),
         lower=np.where(felt & ~np.isin(np.arange(INERTIAL), (0, 3, 5, 9)), -bounds, 0.0),
         upper=np.where(felt, bounds, 0.0),
+        widths=_widths(runs[0]),
     )
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
@@ -116,6 +122,18 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         }
 
     return Family(DESCRIPTION.name, None, (member,), parameters, swallowed=True)
+
+
+def _widths(run: Logged) -> Array:
+    """Deviations (10,) of a tool's inertial parameters in the last link's frame, kg·m², kg·m, kg."""
+    mass = OF_THE_LINKS * float(run.nominal.reshape(-1, PER_JOINT)[:, MASS].sum())
+    lever = OF_THE_LENGTH * arm_length(run.chain)
+    return np.repeat([mass * lever**2, mass * lever, mass], (6, 3, 1))
+
+
+def arm_length(chain: Chain) -> float:
+    """Length of the arm along its joints' anchors, m, from the first on; SHORTEST at least."""
+    return max(float(np.linalg.norm(chain.translation[1:], axis=1).sum()), SHORTEST)
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

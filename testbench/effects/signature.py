@@ -42,7 +42,8 @@ class Member:
 
     shape: the nonlinear parameters it stands for. rows: the r joints whose torque it touches.
     columns: a run, (N, r, k): added torque for a unit of each coefficient. lower, upper: (k,) bounds of
-    the coefficients, which carry sign and size. law: of the catalogue; None is the effect's first.
+    the coefficients, which carry sign and size. law: of the catalogue; None is the effect's first. widths:
+    (k,) deviations of the coefficients on arms in general, where runs may leave them open; None for any size.
     """
 
     shape: dict[str, float]
@@ -51,6 +52,7 @@ class Member:
     lower: Array
     upper: Array
     law: str | None = None
+    widths: Array | None = None
 
     @property
     def count(self) -> int:

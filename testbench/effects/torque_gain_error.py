@@ -49,6 +49,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         columns=single_joint([run.predicted[:, [joint]] for run in runs]),
         lower=np.array([1 / (1 + parameter.upper) - 1]),
         upper=np.array([1 / (1 + parameter.lower) - 1]),
+        widths=np.array([parameter.typical[1]]),
     )
     return Family(DESCRIPTION.name, joint, (member,), _parameters, swallowed=True)
 

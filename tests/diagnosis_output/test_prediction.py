@@ -39,9 +39,36 @@ def test_prediction_closes_the_gap_of_a_run_never_diagnosed(
         )
         np.testing.assert_array_equal(file["time"], unseen.time)
     assert corrected < 0.5 * min(nominal, parameters)
-    np.testing.assert_array_equal(
-        read_log(folder / "predicted.h5").torque, predict_torque(corrected_model(answer), unseen).corrected
-    )
+
+
+def test_prediction_is_in_the_band_of_the_fit_unless_it_is_asked_for_raw(
+    folder: Path, tmp_path: Path, runs: dict[str, Recording], answer: Diagnosis
+) -> None:
+    model, unseen = corrected_model(answer), runs["run_3"]
+    predicted = predict_torque(model, unseen).corrected
+    predict(folder, folder / "unseen.h5", tmp_path / "in_band.h5")
+    with h5py.File(tmp_path / "in_band.h5") as file:
+        for joint, corner in enumerate(model.band.tolist()):
+            np.testing.assert_allclose(
+                file["joint/torque"][:, joint], zero_phase_lowpass(predicted[:, joint], 1000.0, corner)
+            )
+        for stage in ("joint", "nominal", "parameters"):
+            np.testing.assert_array_equal(file[f"{stage}/torque"].attrs["band"], model.band)
+    predict(folder, folder / "unseen.h5", tmp_path / "raw.h5", raw=True)
+    np.testing.assert_array_equal(read_log(tmp_path / "raw.h5").torque, predicted)
+    with h5py.File(tmp_path / "raw.h5") as file:
+        assert "band" not in file["joint/torque"].attrs
+
+
+def test_a_joint_of_which_nothing_is_kept_is_predicted_as_the_model_given_has_it(
+    runs: dict[str, Recording], answer: Diagnosis
+) -> None:
+    model = corrected_model(answer)
+    half = replace(model.kept, parameters=np.array([0.0, 1.0, 0.5]), effects=np.array([0.0, 1.0, 1.0]))
+    whole, shrunk = (predict_torque(each, runs["run_3"]) for each in (model, replace(model, kept=half)))
+    np.testing.assert_array_equal(shrunk.corrected[:, 0], whole.nominal[:, 0])
+    np.testing.assert_allclose(shrunk.corrected[:, 1], whole.corrected[:, 1])
+    np.testing.assert_allclose(shrunk.parameters[:, 2], (whole.nominal + whole.parameters)[:, 2] / 2)
 
 
 def test_prediction_never_reads_the_logs_torque(

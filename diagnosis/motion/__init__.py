@@ -1,0 +1,1 @@
+"""How the joints move in these runs, and so what the runs can tell."""
