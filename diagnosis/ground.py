@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.parameters import PER_JOINT
+from identification.prior import TIMING, parameter_widths
 
 from .preparation import Prepared
-from .prior import TIMING, parameter_widths
 
 Array = NDArray[np.float64]
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.parameters import INERTIAL, PER_JOINT
+from identification.prior import TIMING
 from testbench.effects import effect
 from testbench.effects.signature import Family
 
@@ -16,7 +17,6 @@ from .evidence import Fit, fitted_to, standard_values
 from .healthy import OFFSET
 from .hypothesis import Design
 from .preparation import Prepared
-from .prior import TIMING
 from .zeros import likeliest_zero
 
 Array = NDArray[np.float64]

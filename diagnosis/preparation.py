@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
+from identification.band import joint_bands
 from identification.differentiation import differentiate
 from identification.errors import InputError
 from identification.filtering import decimation_step
@@ -22,7 +23,6 @@ from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.torque_lag import IN_TIME, TorqueLag
 
-from .band import joint_bands
 from .decimation import DecimatingFilter, decimating_filters, filtered, filtered_windows
 from .mended_log import MendedLog, fastest, mended_log
 
@@ -199,7 +199,7 @@ def prepare(robot: Robot, recordings: Mapping[str, Recording], lag: TorqueLag = 
     fast = fastest(robot.joints, list(recordings.values()))
     logs = [mended_log(name, recording, fast, lag) for name, recording in recordings.items()]
     widest = max(filter_cutoff(log.motion.sample_rate) for log in logs)
-    bands = joint_bands(robot, [log.motion for log in logs], widest)
+    bands = joint_bands(robot.chain, robot.parameters, [log.motion for log in logs], widest)
     thinning = _thinning(robot, logs, float(bands.cutoff.max()))
     speaks = np.any([np.ptp(log.recording.torque, axis=0) > 0 for log in logs], axis=0)
     runs = tuple(_run(robot, log, bands.cutoff, thinning) for log in logs)

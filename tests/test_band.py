@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.band import NOISE, joint_bands, position_noise
 from diagnosis.decimation import decimating_filters, filtered, filtered_windows
+from identification.band import NOISE, joint_bands, position_noise
 from identification.inverse_dynamics import inverse_dynamics
 from identification.signals import Motion
 from testbench.effects.signature import Window, WindowedColumns
@@ -53,13 +53,13 @@ def test_a_run_of_a_few_samples_tells_nothing_of_noise(smooth: Motion) -> None:
 
 
 def test_without_noise_the_band_is_the_widest(robot: Robot, smooth: Motion) -> None:
-    np.testing.assert_array_equal(joint_bands(robot, [smooth], 20.0).cutoff, 20.0)
+    np.testing.assert_array_equal(joint_bands(robot.chain, robot.parameters, [smooth], 20.0).cutoff, 20.0)
 
 
 def test_behind_its_band_a_joints_torque_is_as_noisy_as_allowed(robot: Robot, smooth: Motion) -> None:
     """The formula's band is ideal; the low-pass's skirts let up to a third more in."""
     deviation = 2e-4
-    bands = joint_bands(robot, [noisy(smooth, deviation)], 60.0)
+    bands = joint_bands(robot.chain, robot.parameters, [noisy(smooth, deviation)], 60.0)
     assert np.all((bands.cutoff > 8.0) & (bands.cutoff < 60.0))
     # Second differences of the noise alone through the inertia at the poses of the motion.
     noise = noisy(smooth, deviation).position - smooth.position
@@ -79,7 +79,10 @@ def test_behind_its_band_a_joints_torque_is_as_noisy_as_allowed(robot: Robot, sm
 def test_what_encoders_seem_to_add_is_told_where_the_band_is_the_widest_too(
     robot: Robot, smooth: Motion
 ) -> None:
-    quiet, loud = (joint_bands(robot, [noisy(smooth, deviation)], 20.0) for deviation in (5e-6, 1.5e-5))
+    quiet, loud = (
+        joint_bands(robot.chain, robot.parameters, [noisy(smooth, deviation)], 20.0)
+        for deviation in (5e-6, 1.5e-5)
+    )
     np.testing.assert_array_equal(loud.cutoff, 20.0)
     np.testing.assert_allclose(loud.encoder_torque, 3 * quiet.encoder_torque, rtol=0.1)
 
@@ -106,4 +109,4 @@ def test_what_is_zero_but_in_a_window_is_filtered_like_anything_else(first: int,
 
 def test_a_recorded_run_of_eighteen_bits_keeps_its_band(robot: Robot) -> None:
     runs = [motion(run) for run in simulated_runs(robot, [], 1).values()]
-    np.testing.assert_array_equal(joint_bands(robot, runs, 20.0).cutoff, 20.0)
+    np.testing.assert_array_equal(joint_bands(robot.chain, robot.parameters, runs, 20.0).cutoff, 20.0)

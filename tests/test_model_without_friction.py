@@ -7,8 +7,8 @@ import pytest
 
 from diagnosis.attribution import attribute
 from diagnosis.preparation import prepare
-from diagnosis.prior import parameter_widths
 from identification.parameters import ARMATURE, COULOMB, PER_JOINT, VISCOUS
+from identification.prior import parameter_widths
 from testbench.effects.base import Injection
 from testbench.robot import Robot, load_robot
 

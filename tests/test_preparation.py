@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from diagnosis import mended_log, preparation
-from diagnosis.band import Bands
 from diagnosis.diagnose import diagnose
 from diagnosis.hypothesis import design
 from diagnosis.preparation import CUTOFF, REACH_PERIODS, prepare
 from diagnosis.report.summary import summary
+from identification.band import Bands
 from identification.errors import InputError
 from testbench.effects import parse_injection
 from testbench.log import Recording

@@ -8,7 +8,7 @@ logarithm, so a model that is worse than expected throughout is not held against
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.parameters import ARMATURE, COULOMB, OFFSET, PER_JOINT, VISCOUS
+from .parameters import ARMATURE, COULOMB, OFFSET, PER_JOINT, VISCOUS
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""The band of each joint in which gaps are sought: as wide as what its encoders' noise leaves to be seen.
+"""The band of each joint in which its torque can be compared: as wide as its encoders' noise leaves it.
 
 Acceleration from a noisy position, times inertia, is a torque that nobody applied: its density rises with the
 fourth power of the frequency. Where it is let in, effects that act like smoothing (a delay, an elasticity)
@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from identification.inverse_dynamics import mass_matrices
-from identification.signals import Motion
-from testbench.robot import Robot
+from .chain import Chain
+from .inverse_dynamics import mass_matrices
+from .signals import Motion
 
 Array = NDArray[np.float64]
 
@@ -36,16 +36,17 @@ class Bands:
     encoder_torque: Array
 
 
-def joint_bands(robot: Robot, motions: Sequence[Motion], widest: float) -> Bands:
+def joint_bands(chain: Chain, parameters: Array, motions: Sequence[Motion], widest: float) -> Bands:
     """Cut-offs, at most ``widest`` Hz, below which encoders leave each joint's torque known to NOISE.
 
-    White position noise of density S through an inertia matrix M has a torque's mean square of
-    (2 pi)^4 f^5 / 5 sum_k M_jk^2 S_k below f.
+    parameters: (14 n,) standard parameters, of which the inertia counts. White position noise of density S
+    through an inertia matrix M has a torque's mean square of (2 pi)^4 f^5 / 5 sum_k M_jk^2 S_k
+    below f.
     """
     density = np.max([position_noise(each) for each in motions], axis=0)
     positions = np.concatenate([each.position for each in motions])
     poses = positions[:: max(len(positions) // POSES, 1)]
-    matrices = mass_matrices(robot.chain, robot.parameters, poses, threads=1)
+    matrices = mass_matrices(chain, parameters, poses, threads=1)
     squared = np.mean(matrices**2, axis=0) @ density
     torque = np.sqrt(np.mean(np.concatenate([each.torque for each in motions]) ** 2, axis=0))
     fifth = (2 * np.pi) ** 4 / 5 * np.maximum(squared, 1e-300)
