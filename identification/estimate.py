@@ -53,8 +53,8 @@ class TorqueFit:
 
     name: the run's. time: (M,) s. measured, predicted: (M, n) N·m. used: (M, n) bool, samples that
     count (outside the dead zone near rest). rms: (n,) residual RMS over used samples.
-    relative: (n,) residual RMS over torque RMS, same samples.
-    q, dq: (M, n) filtered motion.
+    relative: (n,) residual RMS over torque RMS, same samples. q, dq: (M, n) filtered motion.
+    rms_unfiltered: (n,) N·m, RMS of the torque as logged less the prediction, which ends at the cut-off.
     """
 
     name: str
@@ -66,6 +66,7 @@ class TorqueFit:
     used: NDArray[np.bool_]
     rms: Array
     relative: Array
+    rms_unfiltered: Array
 
     @property
     def overall_relative(self) -> float:

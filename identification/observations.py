@@ -23,12 +23,14 @@ class Preprocessing:
     differentiation: name of the method that finds velocity and acceleration.
     dead_zone: rad/s (m/s); rows of a joint slower than this are unused.
     model: name of the identification model that writes the equations.
+    joint_cutoffs: (n,) Hz, lower cut-offs of single joints' torque equations; none where empty.
     """
 
     cutoff: float = 20.0
     differentiation: str = "rloess"
     dead_zone: float = 0.02
     model: str = "inverse_dynamic"
+    joint_cutoffs: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.cutoff) and self.cutoff > 0):
@@ -39,6 +41,10 @@ class Preprocessing:
     def at(self, sample_rate: float) -> "Preprocessing":
         """The same with the cut-off lowered to what the sample rate carries."""
         return replace(self, cutoff=min(self.cutoff, HIGHEST_CUTOFF * sample_rate / POSITION_BAND))
+
+    def cutoff_of(self, joint: int) -> float:
+        """The cut-off of one joint's torque equations, Hz."""
+        return min(self.cutoff, self.joint_cutoffs[joint]) if self.joint_cutoffs else self.cutoff
 
 
 @dataclass(frozen=True)

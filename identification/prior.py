@@ -5,9 +5,13 @@ one of friction and offsets are estimated with the fit (a heavy-tailed prior: th
 logarithm, so a model that is worse than expected throughout is not held against any effect).
 """
 
+from dataclasses import dataclass, replace
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
+from .base_parameters import BaseParameters
 from .parameters import ARMATURE, COULOMB, OFFSET, PER_JOINT, VISCOUS
 
 Array = NDArray[np.float64]
@@ -23,6 +27,39 @@ COULOMB_SHARE = 0.2
 FLOOR = 0.01
 # Torque and position are sampled up to two milliseconds apart.
 TIMING = 0.7e-3
+
+
+@dataclass(frozen=True)
+class BasePrior:
+    """Gaussian prior of base parameters about the model's.
+
+    mean: (b,). covariance: (b, b), of widths taken at their word. strength: factor on its inverse.
+    """
+
+    mean: Array
+    covariance: Array
+    strength: float = 1.0
+
+    @cached_property
+    def precision(self) -> Array:
+        """Inverse of the covariance, (b, b), at strength 1."""
+        scale = np.sqrt(np.diag(self.covariance))
+        inverse = np.linalg.inv(self.covariance / np.outer(scale, scale))
+        return 0.5 * (inverse + inverse.T) / np.outer(scale, scale)
+
+    @cached_property
+    def root(self) -> Array:
+        """Upper triangular (b, b) R with R'R the precision."""
+        return np.asarray(np.linalg.cholesky(self.precision).T, dtype=np.float64)
+
+    def of_strength(self, strength: float) -> "BasePrior":
+        """The same prior held to more or less."""
+        return replace(self, strength=strength)
+
+
+def base_prior(base: BaseParameters, nominal: Array, widths: Array) -> BasePrior:
+    """The prior that standard parameters ``nominal`` with ``widths``, (14 n,) each, imply."""
+    return BasePrior(base.values(nominal), (base.projection * widths**2) @ base.projection.T)
 
 
 def parameter_widths(

@@ -1,6 +1,6 @@
 """How far an estimate may move from the model as given, by what it predicts of runs that were left out.
 
-Least squares with a Gaussian prior about the model, (sum_j w_j² X_j'X_j + s P) change = sum_j w_j² X_j'y_j,
+Least squares with a Gaussian prior about the model: (sum_j w_j² X_j'X_j + s P) change = sum_j w_j² X_j'y_j,
 with y the torque less the model's, X_j the rows of joint j, P the inverse of the prior's covariance. Its
 strength s is the largest that predicts left-out rows as well as any; then one factor scales the change as a
 whole. The squared error is convex in that factor and the model is factor 0, so left-out rows are never
@@ -62,11 +62,12 @@ def shrinkage(products: Products, weights: Array, precision: Array, measures: Se
 
     weights: (n,) of each joint's rows in the fit. precision: (p, p), the prior's inverse covariance in units
     of the weighted rows' noise. measures: (n,) weights each of a squared error; their shares of the model's
-    own are averaged, and none may exceed it.
+    own are averaged, geometrically for the strength, and none may exceed it.
     """
     tried = [left_out_changes(products, weights, precision, strength) for strength in STRENGTHS]
     shares = np.array([[_share(products, measure, changes) for measure in measures] for changes in tried])
-    scores = shares.mean(axis=1)
+    # Of a geometric mean no measure that nothing changes hides what another gains.
+    scores = np.exp(np.log(np.maximum(shares, np.finfo(float).tiny)).mean(axis=1))
     near = scores <= (1 + INDIFFERENCE) ** 2 * scores.min()
     chosen = int(np.argmax(near))
     changes = tried[chosen]

@@ -26,11 +26,20 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
     """What estimate.json holds, as plain JSON types.
 
     torque_rms and relative_residual are per joint, over all runs of a kind, empty where there are none;
+    torque_rms_unfiltered is of the torque as logged, above the cut-off too; given_relative_residual is that
+    of the model as given; determined tells which base parameters the runs know better than the model did;
     percent_sigma in %; runs give each run's own torque RMS. essential and the tests are null where the result
     has none.
     """
     estimate, comparison, tests = result.estimate, result.comparison, result.residual_tests
     fit, validation = torque_error(result.fits), torque_error(result.validations)
+    count = len(result.fits)
+    given_fit, given_validation = torque_error(result.given[:count]), torque_error(result.given[count:])
+    determined = (
+        (None,) * estimate.base.count
+        if result.determination is None
+        else result.determination.determined.tolist()
+    )
     return {
         "format": "identification-estimate",
         "format_version": 1,
@@ -47,8 +56,9 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
                 "percent_sigma": _number(row.percent_sigma),
                 "cramer_rao": _number(row.cramer_rao),
                 "essential": needed,
+                "determined": known,
             }
-            for row, needed in zip(parameter_rows(result), result.needed, strict=True)
+            for row, needed, known in zip(parameter_rows(result), result.needed, determined, strict=True)
         ],
         "torque_rms": {
             "fit": _per_joint(fit, "rms"),
@@ -60,6 +70,30 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
             "validation": _per_joint(validation, "relative"),
             "unit": "1",
         },
+        "torque_rms_unfiltered": {
+            "fit": _per_joint(fit, "unfiltered"),
+            "validation": _per_joint(validation, "unfiltered"),
+            "unit": torque_unit(result),
+        },
+        "given_relative_residual": {
+            "fit": None if given_fit is None else _number(given_fit.overall),
+            "validation": None if given_validation is None else _number(given_validation.overall),
+            "unit": "1",
+        },
+        "cutoff": None if result.bands is None else {"value": _numbers(result.bands.cutoff), "unit": "Hz"},
+        "encoder_torque": None
+        if result.bands is None
+        else {"value": _numbers(result.bands.encoder_torque), "unit": torque_unit(result)},
+        "determined": None
+        if result.determination is None
+        else {
+            "combinations": result.determination.directions,
+            "of": estimate.base.count,
+            "remarks": list(result.determination.remarks),
+        },
+        "shrinkage": None
+        if result.shrinkage is None
+        else {"prior_strength": result.shrinkage.strength, "factor": result.shrinkage.factor},
         "overall_relative_residual": {
             "fit": None if fit is None else _number(fit.overall),
             "validation": None if validation is None else _number(validation.overall),

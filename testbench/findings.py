@@ -15,6 +15,10 @@ Array = NDArray[np.float64]
 
 # A validation error up to this many times the noise floor is called "at the noise floor".
 AT_NOISE_FLOOR = 1.2
+# A validation error this many times the fit's says that the runs tell too little.
+OVERFIT = 1.5
+# A change scaled by less than this is said to be.
+WHOLE = 0.995
 # Larger numbers are written with an exponent.
 LONGEST_INTEGER = 1e6
 
@@ -24,12 +28,14 @@ class TorqueError:
     """Torque error of several runs taken together, over the samples that count.
 
     rms: (n,) N·m (N), NaN for a joint that never leaves rest. relative: (n,) residual RMS over torque
-    RMS. overall: residual RMS over torque RMS with all joints pooled.
+    RMS. overall: residual RMS over torque RMS with all joints pooled. unfiltered: (n,) N·m (N), RMS of the
+    torque as logged, above the joint's cut-off too, less the prediction.
     """
 
     rms: Array
     relative: Array
     overall: float
+    unfiltered: Array
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,10 @@ def torque_error(fits: Sequence[TorqueFit]) -> TorqueError | None:
         rms = np.sqrt(residual_power / used.sum(axis=0))
         relative = np.sqrt(residual_power / torque_power)
         overall = float(np.sqrt(residual_power.sum() / torque_power.sum()))
-    return TorqueError(rms, relative, overall)
+        counts = np.array([fit.used.sum(axis=0) for fit in fits])
+        squares = np.where(counts > 0, counts * np.array([fit.rms_unfiltered for fit in fits]) ** 2, 0.0)
+        unfiltered = np.sqrt(squares.sum(axis=0) / counts.sum(axis=0))
+    return TorqueError(rms, relative, overall, unfiltered)
 
 
 def parameter_rows(result: IdentificationResult) -> tuple[ParameterRow, ...]:
@@ -115,7 +124,11 @@ def within(result: IdentificationResult, deviations: float) -> int | None:
 def headline(result: IdentificationResult) -> str:
     """The result in one or two sentences."""
     fit, validation = torque_error(result.fits), torque_error(result.validations)
+    count = len(result.fits)
+    given = torque_error(result.given[count:] or result.given[:count])
     parts = []
+    if fit is not None and validation is not None and validation.overall > OVERFIT * fit.overall:
+        parts.append("These runs tell too little: the fit is far better than what it predicts of other runs")
     if validation is not None:
         parts.append(
             f"Torque on runs that were not fitted is predicted to {_percent(validation.overall)} of its RMS"
@@ -127,6 +140,8 @@ def headline(result: IdentificationResult) -> str:
             f"Torque on the fitted runs is reproduced to {_percent(fit.overall)} of its RMS; no run was left"
             " out to validate it"
         )
+    if given is not None and parts:
+        parts[-1] += f"; by the model as given, to {_percent(given.overall)}"
     ratio, inside = noise_ratio(result), within(result, 2)
     if ratio is not None:
         where = "at the noise floor" if ratio <= AT_NOISE_FLOOR else "above the noise floor"
@@ -142,6 +157,39 @@ def headline(result: IdentificationResult) -> str:
     if result.mended:
         parts.append(f"{result.mended} samples of the logs were held or spoiled, and are interpolated")
     return ". ".join(parts) + "."
+
+
+def left_open(result: IdentificationResult) -> tuple[str, ...]:
+    """Sentences on what these runs leave open, how far the estimate goes, and up to what frequency."""
+    found, names = [], result.robot.joint_names
+    if result.determination is not None:
+        known, count = result.determination.directions, result.estimate.base.count
+        if known < count:
+            found.append(
+                f"These runs tell {known} of {count} independent combinations of the base parameters;"
+                " the rest is held near the model as given"
+            )
+        found += result.determination.remarks
+    if result.shrinkage is not None and result.shrinkage.factor == 0:
+        found.append(
+            "Nothing that was fitted predicts left-out parts of these runs better than the model as given:"
+            " its parameters are kept"
+        )
+    elif result.shrinkage is not None and result.shrinkage.factor < WHOLE:
+        found.append(
+            f"Left-out parts of these runs are predicted best with {_percent(result.shrinkage.factor)} of the"
+            " change that fits them"
+        )
+    if result.bands is not None:
+        narrow = result.bands.cutoff < result.bands.cutoff.max()
+        if narrow.any():
+            bands = ", ".join(
+                f"{names[j]} {result.bands.cutoff[j]:.3g} Hz" for j in np.flatnonzero(narrow).tolist()
+            )
+            found.append(
+                f"Above these frequencies encoder noise would pass for torque, nothing is fitted: {bands}"
+            )
+    return tuple(f"{each}." for each in found)
 
 
 def torque_unit(result: IdentificationResult) -> str:

@@ -93,6 +93,10 @@ def identify_recordings(
         residual_tests=found.residual_tests,
         essential=found.essential,
         mended=of_fitted + of_validated,
+        given=found.given,
+        bands=found.bands,
+        shrinkage=found.shrinkage,
+        determination=found.determination,
     )
 
 

@@ -5,7 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.band import Bands
+from identification.determination import Determination
 from identification.estimate import Estimate, TorqueFit
+from identification.shrinkage import Shrinkage
 from identification.statistics import EssentialParameters, ResidualTests
 
 from .log import Recording
@@ -37,7 +40,9 @@ class IdentificationResult:
     each run, in the order of fit_recordings and validation_recordings. comparison: with the truth,
     or None where it is unknown. residual_tests: of the torque residual of the fit runs. essential: the base
     parameters that the data cannot do without. Both are None where the equations are not at hand. mended: how
-    many samples of all logs were lost on the way, and are interpolated.
+    many samples of all logs were lost on the way, and are interpolated. given: the torque that the model as
+    given predicts along the runs of fits and validations. bands, shrinkage, determination: as of
+    Identification.
     """
 
     robot: Robot
@@ -50,6 +55,10 @@ class IdentificationResult:
     residual_tests: ResidualTests | None = None
     essential: EssentialParameters | None = None
     mended: int = 0
+    given: tuple[TorqueFit, ...] = ()
+    bands: Bands | None = None
+    shrinkage: Shrinkage | None = None
+    determination: Determination | None = None
 
     @property
     def needed(self) -> tuple[bool | None, ...]:

@@ -4,7 +4,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from .findings import headline, parameter_rows, significant, torque_error
+from .findings import headline, left_open, parameter_rows, significant, torque_error
 from .results import IdentificationResult
 from .terminal import WIDTH as WIDTH
 from .terminal import console
@@ -19,7 +19,8 @@ def print_summary(result: IdentificationResult) -> None:
 
 def summary(result: IdentificationResult) -> Group:
     """The headline, the base parameters and the torque error a joint, to print with rich; 110 columns."""
-    return Group(Text(headline(result)), _parameters(result), _torque(result))
+    remarks = (Text(remark) for remark in left_open(result))
+    return Group(Text(headline(result)), *remarks, _parameters(result), _torque(result))
 
 
 def _parameters(result: IdentificationResult) -> Table:
@@ -55,10 +56,12 @@ def _torque(result: IdentificationResult) -> Table:
     table = _table("Torque residual, RMS")
     table.add_column("joint")
     table.add_column("unit")
-    shown = []
+    shown = [] if result.bands is None else [("band, Hz", result.bands.cutoff)]
     for role, error in (("fit", fit), ("validation", validation)):
         if error is not None:
             shown += [(role, error.rms), (f"{role}, % of torque", 100 * error.relative)]
+            if result.bands is not None:
+                shown.append(("over all", error.unfiltered))
     if result.comparison is not None:
         shown.append(("noise floor", result.comparison.noise_floor))
     for heading, _ in shown:

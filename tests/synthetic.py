@@ -123,7 +123,7 @@ def _run(
     counts = used.sum(axis=0)
     rms = np.sqrt(np.sum(residual**2, axis=0) / counts)
     relative = rms / np.sqrt(np.sum(np.where(used, measured, 0.0) ** 2, axis=0) / counts)
-    fit = TorqueFit(name, time[every], q[every], dq[every], measured, predicted, used, rms, relative)
+    fit = TorqueFit(name, time[every], q[every], dq[every], measured, predicted, used, rms, relative, rms)
     return fit, recording
 
 

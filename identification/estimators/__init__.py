@@ -11,6 +11,9 @@ from ..errors import InputError
 from ..estimate import Estimate
 from ..problem import Problem
 
+# Those that take a problem's prior; the others need a motion that excites every base parameter.
+WITH_PRIOR = ("ols", "wls", "irls", "didim", "output_error", "physically_consistent")
+
 Estimator = Callable[[Problem], Estimate]
 
 

@@ -21,8 +21,8 @@ def estimate(problem: Problem) -> Estimate:
     """
     free = wls.estimate(problem)
     weights = problem.residual_weights(free.values)
-    rows, _, joint = problem.stacked
-    root_information = np.asarray(np.linalg.qr(rows * weights[joint][:, None], mode="r"))
+    rows, _ = problem.weighted_rows(weights, problem.row_noise(free.values, weights))
+    root_information = np.asarray(np.linalg.qr(rows, mode="r"))
     standard = nearest_consistent(problem.base, free.values, root_information, problem.nominal)
     found = problem.linear_estimate(problem.base.values(standard), weights, "physically_consistent")
     return replace(found, standard=standard)

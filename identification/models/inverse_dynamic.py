@@ -24,19 +24,24 @@ def equations(
     """The torque equations of one run, n a decimated sample, N·m (N for slide joints)."""
     rate, cutoff = signals.sample_rate, preprocessing.cutoff
     samples = len(signals.q)
-    trim = max(signals.trim, edge_samples(rate, cutoff))
+    cutoffs = [preprocessing.cutoff_of(joint) for joint in range(chain.joints)]
+    trim = max(signals.trim, *(edge_samples(rate, each) for each in cutoffs))
     step = decimation_step(rate, cutoff)
     kept = slice(trim, samples - trim, step)
     rows = regressor(chain, signals.q, signals.dq, signals.ddq, base.columns)
     kept_rows = np.zeros((len(range(*kept.indices(samples))), chain.joints, base.count))
     link = base.columns // PER_JOINT
-    for joint in range(chain.joints):
+    torque = np.empty((len(kept_rows), chain.joints))
+    resting = np.empty((samples, chain.joints), dtype=bool)
+    for joint, own in enumerate(cutoffs):
         # Links before the joint never load it: their columns are zero.
         loaded = link >= joint
-        kept_rows[:, joint, loaded] = zero_phase_lowpass(rows[:, joint, loaded], rate, cutoff)[kept]
-    # A wrong sign near rest is smeared by the filter over about half a cut-off period to either side.
-    reach = 2 * round(0.5 * rate / cutoff) + 1
-    resting = maximum_filter1d(np.abs(signals.dq) <= preprocessing.dead_zone, reach, axis=0)
+        kept_rows[:, joint, loaded] = zero_phase_lowpass(rows[:, joint, loaded], rate, own)[kept]
+        torque[:, joint] = zero_phase_lowpass(signals.tau[:, joint], rate, own)[kept]
+        # A wrong sign near rest is smeared by the filter over about half a cut-off period to either side.
+        reach = 2 * round(0.5 * rate / own) + 1
+        slow = np.abs(signals.dq[:, joint]) <= preprocessing.dead_zone
+        resting[:, joint] = maximum_filter1d(slow, reach)
     friction = set(base.columns[base.columns % PER_JOINT > VISCOUS] // PER_JOINT)
     has_coulomb = np.array([joint in friction for joint in range(chain.joints)])
     return Observations(
@@ -45,7 +50,7 @@ def equations(
         q=signals.q[kept],
         dq=signals.dq[kept],
         regressor=kept_rows,
-        torque=zero_phase_lowpass(signals.tau, rate, cutoff)[kept],
+        torque=torque,
         used=~resting[kept] | ~has_coulomb,
         sample_rate=rate / step,
     )

@@ -117,9 +117,14 @@ def identify(
             validator=at_least_one("--parameters"),
         ),
     ] = None,
-    cutoff: Annotated[float, Parameter(help="Hz, low-pass on torque and regressor")] = 20.0,
+    cutoff: Annotated[
+        float, Parameter(help="Hz, low-pass on torque and regressor; less for joints with noisy encoders")
+    ] = 20.0,
     dead_zone: Annotated[float, Parameter(help="rad/s; slower samples do not count")] = 0.02,
     map: Map = None,
+    strict: Annotated[
+        bool, Parameter(help="refuse a motion that leaves a base parameter open, hold nothing", negative=())
+    ] = False,
     write_model: Annotated[
         Path | None, Parameter(help="MJCF to write: the model as identified, physically consistent")
     ] = None,
@@ -141,6 +146,6 @@ def identify(
 
     groups = tuple(GROUPS) if parameters is None else tuple(parameters)
     preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
-    options = IdentificationOptions(estimator, groups, preprocessing)
+    options = IdentificationOptions(estimator, groups, preprocessing, strict, own_bands=True)
     with results_folder(out, ("estimate.json", "report.html")):
         identify_logs(model, logs, validate or [], out, options, write_model, map)

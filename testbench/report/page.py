@@ -17,6 +17,7 @@ from testbench.findings import (
     AT_NOISE_FLOOR,
     TorqueError,
     headline,
+    left_open,
     noise_ratio,
     parameter_rows,
     significant,
@@ -65,6 +66,7 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
     names, units = robot.joint_names, robot.units()
     fit, validation = torque_error(result.fits), torque_error(result.validations)
     floor = None if comparison is None else comparison.noise_floor
+    judged_error = validation or fit
     rows = parameter_rows(result)
     judged = figures.judged_run(result)
     runs = [("validation", run) for run in result.validations] + [("fit", run) for run in result.fits]
@@ -75,6 +77,7 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
         model=robot.path.name,
         created=created,
         headline=headline(result),
+        left_open=left_open(result),
         tiles=_tiles(result, fit, validation),
         joints=[
             {
@@ -83,6 +86,10 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
                 "fit": None if fit is None else fit.rms[joint],
                 "validation": None if validation is None else validation.rms[joint],
                 "floor": None if floor is None else floor[joint],
+                "band": None if result.bands is None else result.bands.cutoff[joint],
+                "unfiltered": None
+                if result.bands is None or judged_error is None
+                else judged_error.unfiltered[joint],
                 "fit_relative": None if fit is None else 100 * fit.relative[joint],
                 "validation_relative": None if validation is None else 100 * validation.relative[joint],
             }
@@ -93,6 +100,7 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
             for row, needed in zip(rows, result.needed, strict=True)
         ],
         known=comparison is not None,
+        banded=result.bands is not None,
         essential=result.essential,
         tests=_tests(result),
         lag_periods=PERIODS_A_LAG,
