@@ -1,0 +1,183 @@
+"""Torques that are no measured torques: none, unsigned, clipped, in coarse steps, zero at rest, or velocities."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.inverse_dynamics import inverse_dynamics
+from testbench.log import Recording
+
+from .finding import Finding, Severity
+from .samples import MOVING, Samples
+from .subject import Subject
+
+Array = NDArray[np.float64]
+
+STAGE = 1
+
+# Torque has lost its sign where it is never below zero, though a joint turns both ways in this share of its
+# samples at least, and its size goes with the model's better than it does itself.
+EITHER_WAY = 0.1
+# Torque is speed where nothing but this share of its variance is left of it, and their factor is so nearly one.
+SPEED_LEAVES, SPEED_FACTOR = 0.02, 1.25
+# A torque that is clipped is at its largest in this share of the samples, in so many of them in a row.
+CLIPPED, IN_A_ROW = 0.005, 5
+# Steps that are coarser than this share of a torque, RMS, are worth a word.
+COARSE = 0.05
+# Share of samples that are exactly zero while others are not.
+ZEROED = 0.02
+
+
+def check(subject: Subject) -> list[Finding]:
+    """Of all runs together: what the torque cannot be, and what it has that no noise can be estimated from."""
+    torque = np.concatenate([each.torque for each in subject.recordings.values()])
+    if not torque.any():
+        return [_none(subject)]
+    found = []
+    samples = subject.samples
+    if samples is not None:
+        found += _velocity(subject, samples)
+        if not found:
+            found += _unsigned(subject, samples, torque)
+    moves = np.concatenate([_speeds(each) > MOVING for each in subject.recordings.values()])
+    found += _silent(subject, torque)
+    found += _clipped(subject)
+    found += _coarse(subject, torque)
+    found += _zeroed(subject, torque, moves)
+    return found
+
+
+def _none(subject: Subject) -> Finding:
+    sentence = f"0 at every sample of {', '.join(subject.robot.joint_names)}"
+    expected = "joint torques that are not all zero"
+    return Finding(Severity.STOP, "no_torque", sentence, subject.robot.joint_names, "", "joint/torque", expected)
+
+
+def _velocity(subject: Subject, samples: Samples) -> list[Finding]:
+    """Joints whose torque is their own speed."""
+    joints = []
+    for joint in range(subject.robot.joints):
+        moves = samples.moves[:, joint]
+        speed, torque = samples.dq[moves, joint], samples.torque[moves, joint]
+        if len(speed) < 10 or np.std(torque) == 0:
+            continue
+        x = np.column_stack([speed, np.ones(len(speed))])
+        values = np.linalg.lstsq(x, torque, rcond=None)[0]
+        left = float(np.var(torque - x @ values) / np.var(torque))
+        if left < SPEED_LEAVES and 1 / SPEED_FACTOR < values[0] < SPEED_FACTOR:
+            joints.append(joint)
+    if not joints:
+        return []
+    names = subject.names(joints)
+    sentence = f"the velocity, to {SPEED_LEAVES:.0%} of its variance, at {', '.join(names)}"
+    return [
+        Finding(Severity.STOP, "velocity_as_torque", sentence, names, "", "joint/torque", "joint torques")
+    ]
+
+
+def _unsigned(subject: Subject, samples: Samples, torque: Array) -> list[Finding]:
+    """Joints whose torques have no sign."""
+    robot = subject.robot
+    model = inverse_dynamics(robot.chain, robot.parameters, samples.q, samples.dq, samples.ddq, threads=1)
+    joints = []
+    for joint in range(robot.joints):
+        moves = samples.moves[:, joint]
+        own, modelled = samples.torque[moves, joint], model[moves, joint]
+        positive = samples.dq[moves, joint] > 0
+        if len(own) < 10 or torque[:, joint].min() < 0 or not torque[:, joint].any():
+            continue
+        both_ways = min(np.mean(positive), np.mean(~positive)) > EITHER_WAY
+        either_side = min(np.mean(modelled > 0), np.mean(modelled < 0)) > EITHER_WAY
+        if both_ways and either_side and _left(own, np.abs(modelled)) < _left(own, modelled):
+            joints.append(joint)
+    if not joints:
+        return []
+    names = subject.names(joints)
+    sentence = f"none below zero at {', '.join(names)}, where the model's are"
+    return [
+        Finding(Severity.STOP, "unsigned", sentence, names, "", "joint/torque", "torques with their sign")
+    ]
+
+
+def _left(torque: Array, model: Array) -> float:
+    """The square that the model leaves of a torque (m,), at its likeliest scale."""
+    scale = float(torque @ model) / max(float(model @ model), 1e-300)
+    return float(np.sum((torque - scale * model) ** 2))
+
+
+def _silent(subject: Subject, torque: Array) -> list[Finding]:
+    joints = np.flatnonzero(np.ptp(torque, axis=0) == 0).tolist()
+    if not joints:
+        return []
+    names = subject.names(joints)
+    sentence = f"The logged torque of {', '.join(names)} never changes: nothing can be said of it"
+    return [Finding(Severity.WARN, "silent", sentence, names, "", "joint/torque")]
+
+
+def _clipped(subject: Subject) -> list[Finding]:
+    """Joints whose torque stays at its largest, again and again."""
+    joints, levels = [], []
+    for joint in range(subject.robot.joints):
+        columns = [each.torque[:, joint] for each in subject.recordings.values()]
+        largest = max(float(np.abs(column).max()) for column in columns)
+        at = [np.abs(column) >= largest * (1 - 1e-9) for column in columns]
+        share = float(np.mean(np.concatenate(at)))
+        if largest > 0 and share > CLIPPED and max(_longest(each) for each in at) >= IN_A_ROW and share < 0.9:
+            joints.append(joint)
+            levels.append(f"{subject.robot.joint_names[joint]} at {largest:.3g} in {share:.1%} of the samples")
+    if not joints:
+        return []
+    sentence = f"The torque is clipped: {', '.join(levels)}; it is not known there"
+    return [
+        Finding(Severity.WARN, "saturated", sentence, subject.names(joints), "", "joint/torque")
+    ]
+
+
+def _longest(flags: NDArray[np.bool_]) -> int:
+    """The most flags in a row."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
+
+
+def _coarse(subject: Subject, torque: Array) -> list[Finding]:
+    """Joints whose torque comes in coarse steps."""
+    joints, steps = [], []
+    for joint, column in enumerate(torque.T):
+        levels = np.unique(column)
+        rms = float(np.sqrt(np.mean(column**2)))
+        if len(levels) < 3 or rms == 0:
+            continue
+        step = float(np.min(np.diff(levels), where=np.diff(levels) > 1e-9 * np.ptp(column), initial=np.inf))
+        is_even = np.all(np.abs(levels / step - np.round(levels / step)) < 0.05)
+        if np.isfinite(step) and step > COARSE * rms and is_even:
+            joints.append(joint)
+            steps.append(f"{subject.robot.joint_names[joint]} {step:.3g} ({step / rms:.0%} of its RMS)")
+    if not joints:
+        return []
+    sentence = f"The torque counts in steps: {', '.join(steps)}; smaller effects do not show"
+    return [Finding(Severity.NOTE, "quantised", sentence, subject.names(joints), "", "joint/torque")]
+
+
+def _zeroed(subject: Subject, torque: Array, moves: NDArray[np.bool_]) -> list[Finding]:
+    """Joints whose torque is exactly zero at rest, and nowhere else."""
+    zero = (torque == 0) & ~moves
+    share = np.mean(zero, axis=0)
+    elsewhere = np.mean((torque == 0) & moves, axis=0)
+    joints = np.flatnonzero((share > ZEROED) & (elsewhere < share / 10) & torque.any(axis=0)).tolist()
+    if not joints:
+        return []
+    names = subject.names(joints)
+    largest = max(float(share[joint]) for joint in joints)
+    sentence = (
+        f"The torque of {', '.join(names)} is exactly 0 at rest (up to {largest:.0%} of the samples): no "
+        "measurement there, and no noise is estimated from it"
+    )
+    return [Finding(Severity.WARN, "zero_at_rest", sentence, names, "", "joint/torque")]
+
+
+def _speeds(recording: Recording) -> Array:
+    """Absolute speeds (N, n), over a tenth of a second."""
+    reach = max(1, round(0.05 * recording.sample_rate))
+    count = len(recording.time)
+    before, after = np.maximum(np.arange(count) - reach, 0), np.minimum(np.arange(count) + reach, count - 1)
+    steps = (recording.time[after] - recording.time[before])[:, None]
+    return np.asarray(np.abs(recording.position[after] - recording.position[before]) / steps)
