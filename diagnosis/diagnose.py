@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recordings.checks.finding import Finding
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from . import frames, torque_scale
 from .accepted import Accepted
 from .alignment import aligned
 from .attribution import CONFUSABLE, Attribution, attribute
@@ -17,7 +17,6 @@ from .certainty import certainties
 from .deviations import covariance_with_shapes
 from .evidence import Fit, on_whole_runs, rms, standard_values
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate, Share
-from .healthy import OFFSET
 from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
@@ -40,11 +39,16 @@ PARAMETERS_TORQUE = 0.01
 FAR_LESS = 0.2
 
 
-def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequence[str] = ()) -> Diagnosis:
+def diagnose(
+    robot: Robot,
+    recordings: Mapping[str, Recording],
+    without: Sequence[str] = (),
+    log_findings: tuple[Finding, ...] = (),
+) -> Diagnosis:
     """Why the model and the logs disagree.
 
     recordings: runs by name; their truth, where a simulation has written one, is not looked at.
-    without: effects taken out of the catalogue. Raises InputError for runs that are too short.
+    without: effects taken out of the catalogue. log_findings: of the checks of these logs. Raises InputError for runs that are too short.
     """
     found = attribute(aligned(robot, recordings), without)
     prepared = found.prepared
@@ -63,20 +67,13 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
     effects = tuple(_named(found, index) for index in named)
     probabilities = certainties(effects, gap, len(prepared.runs))
     effects = tuple(replace(each, probability=p) for each, p in zip(effects, probabilities, strict=True))
-    scales, excessive = torque_scale.foreign_scales(prepared), torque_scale.beyond_limits(prepared)
-    # Torque in other units has another gravity, too.
-    misplaced = None if scales or excessive else frames.misplaced(prepared)
-    # What the catalogue has is told as that.
-    if misplaced is not None and misplaced.zero and (OFFSET, misplaced.zero[0]) in _places(effects):
-        misplaced = None
-    if misplaced is None:
+    barring = next((each for each in log_findings if each.bars_names), None)
+    if barring is None:
         verdict = _verdict(found, gap)
-        sentence = torque_scale.in_words(robot, scales, excessive) + sentence_of(
-            robot, verdict, effects, found.unknown, gap
-        )
+        sentence = sentence_of(robot, verdict, effects, found.unknown, gap)
     else:
         # Beside such a gap whatever has a name stands for a part of it.
-        verdict, sentence = "unknown", frames.in_words(robot, misplaced)
+        verdict, sentence = "unknown", f"{barring.sentence}. Mend that first: beside it no effect is named."
     hypothesis, fitted = final
     return Diagnosis(
         robot=robot,
@@ -97,14 +94,8 @@ def diagnose(robot: Robot, recordings: Mapping[str, Recording], without: Sequenc
         everywhere=tuple(
             (a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.is_everywhere
         ),
-        misplaced=misplaced,
-        scales=scales,
-        excessive=excessive,
+        log_findings=log_findings,
     )
-
-
-def _places(effects: Sequence[NamedEffect]) -> set[tuple[str, int | None]]:
-    return {(each.effect, each.joint) for each in effects}
 
 
 def _where(found: Attribution, only: tuple[Design, Fit], gap: Gap, verdict: str) -> tuple[Share, ...]:

@@ -1,18 +1,17 @@
 """What a diagnosis says: verdict, effects, where the gap lies, how far it shrinks."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recordings.checks.finding import Finding
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
 from .candidates import Candidate
 from .evidence import Fit
-from .frames import Misplaced
 from .hypothesis import Design
 from .noise import noise
 from .preparation import Prepared
@@ -160,9 +159,7 @@ class Diagnosis:
     common torque delay that goes with them, beside how late ``prepared`` says that the logs have it.
     not_observable: effects nothing of which would show.
     recurrence: the push as one that every run has. everywhere: effects fitted without a name, as other joints
-    are about as imperfect. misplaced: the frame of the model that is not the robot's, beside which nothing is
-    told. scales: by joint, the factor of logged torque to the model's, where that is in other units.
-    excessive: by joint, the RMS torque by its drive's limit, where that is more than any drive gives.
+    are about as imperfect. log_findings: of the checks of the logs.
     """
 
     robot: Robot
@@ -181,9 +178,12 @@ class Diagnosis:
     notes: tuple[str, ...] = field(default_factory=tuple)
     recurrence: Recurrence | None = None
     everywhere: tuple[tuple[str, int | None], ...] = ()
-    misplaced: Misplaced | None = None
-    scales: Mapping[int, float] = field(default_factory=dict)
-    excessive: Mapping[int, float] = field(default_factory=dict)
+    log_findings: tuple[Finding, ...] = ()
+
+    @property
+    def barred(self) -> Finding | None:
+        """What the logs have that is to be mended before any effect is named; None for nothing."""
+        return next((each for each in self.log_findings if each.bars_names), None)
 
     @property
     def mended(self) -> dict[str, int]:

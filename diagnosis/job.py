@@ -6,6 +6,7 @@ from importlib import import_module
 from pathlib import Path
 
 from identification.errors import InputError
+from recordings.checks import require_sound
 from testbench.effects import effects
 from testbench.excitation_file import write_excitation
 from testbench.files import require_writable
@@ -42,6 +43,7 @@ def diagnose_logs(
     require_writable(out / DOCUMENT)
     robot = load_robot(model)
     recordings = dict(zip(run_names(logs), read_runs(logs, robot), strict=True))
+    findings = require_sound(robot, recordings, logs)
     # Simulation and most of a design is outside the interpreter, and looks at nothing of the rest.
     with steps() as progress, ThreadPoolExecutor(1) as aside:
         as_given = aside.submit(gap_as_given, robot, recordings, jobs)
@@ -49,7 +51,7 @@ def diagnose_logs(
         aside.submit(import_module, ".report", __package__)
         with progress.step("diagnose"):
             try:
-                diagnosis = diagnose(robot, recordings, without)
+                diagnosis = diagnose(robot, recordings, without, findings)
             except InputError as error:
                 raise by_path(error, logs) from None
         with progress.step("corrected simulator"):

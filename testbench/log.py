@@ -348,7 +348,9 @@ def in_model_order(recording: Recording, joint_names: Sequence[str]) -> Recordin
         joint_names=tuple(joint_names),
         is_slide=slides,
         controller=controller,
-        provenance=_saying(recording.provenance, "joints are in another order than the model's: sorted by name"),
+        provenance=_saying(
+            recording.provenance, "joints are in another order than the model's: sorted by name"
+        ),
     )
 
 

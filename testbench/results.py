@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from identification.estimate import Estimate, TorqueFit
 from identification.statistics import EssentialParameters, ResidualTests
+from recordings.checks.finding import Finding
 
 from .log import Recording
 from .robot import Robot
@@ -37,7 +38,7 @@ class IdentificationResult:
     each run, in the order of fit_recordings and validation_recordings. comparison: with the truth,
     or None where it is unknown. residual_tests: of the torque residual of the fit runs. essential: the base
     parameters that the data cannot do without. Both are None where the equations are not at hand. mended: how
-    many samples of all logs were lost on the way, and are interpolated.
+    many samples of all logs were lost on the way, and are interpolated. log_findings: of the checks of the logs.
     """
 
     robot: Robot
@@ -50,6 +51,7 @@ class IdentificationResult:
     residual_tests: ResidualTests | None = None
     essential: EssentialParameters | None = None
     mended: int = 0
+    log_findings: tuple[Finding, ...] = ()
 
     @property
     def needed(self) -> tuple[bool | None, ...]:

@@ -7,25 +7,23 @@ import numpy as np
 
 from identification.errors import InputError
 
-from .log import Recording, read_log
-from .plausible_log import check_motion, check_torque
+from .degrees import in_radians
+from .log import Recording, check_joints, in_model_order, read_log
 from .robot import Robot
 
 
 def read_runs(paths: Sequence[Path], robot: Robot) -> list[Recording]:
     """The recordings of these logs, in their order.
 
-    Raises InputError for a log whose joints are not the robot's, for what no robot does (see
-    plausible_log.py), for torques that are all zero, and for a run that is given twice, be it under another
-    name: no run may speak for itself as one that was left out.
+    Joints in another order are sorted by name, and positions in degrees converted. Raises InputError for a log
+    whose joints are not the robot's, and for a run that is given twice, be it under another name: no run may
+    speak for itself as one that was left out.
     """
-    recordings = [read_log(path) for path in paths]
-    for path, recording in zip(paths, recordings, strict=True):
-        check_motion(recording, robot.chain, robot.limits, path)
-        if not recording.torque.any():
-            got = f"0 at every sample of {', '.join(robot.joint_names)}"
-            raise InputError(path, "joint/torque", "joint torques that are not all zero", got)
-        check_torque(recording, robot.chain, robot.parameters, path)
+    recordings = []
+    for path in paths:
+        recording = in_model_order(read_log(path), robot.joint_names)
+        check_joints(recording, robot.joint_names, path)
+        recordings.append(in_radians(recording, robot))
     for later, path in enumerate(paths):
         for earlier in range(later):
             if _is_same(recordings[earlier], recordings[later]):

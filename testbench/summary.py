@@ -4,11 +4,14 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from recordings.checks.finding import Finding, Severity
+
 from .findings import headline, parameter_rows, significant, torque_error
 from .results import IdentificationResult
 
 WIDTH = 110
 LONGEST_NAME = 28
+COLOURS = {Severity.STOP: "bold red", Severity.WARN: "yellow", Severity.NOTE: "dim"}
 
 
 def print_summary(result: IdentificationResult) -> None:
@@ -21,7 +24,14 @@ def print_summary(result: IdentificationResult) -> None:
 
 def summary(result: IdentificationResult) -> Group:
     """The headline, the base parameters and the torque error a joint, to print with rich; 110 columns."""
-    return Group(Text(headline(result)), _parameters(result), _torque(result))
+    found = [finding_line(each) for each in result.log_findings]
+    return Group(*found, Text(headline(result)), _parameters(result), _torque(result))
+
+
+def finding_line(finding: Finding) -> Text:
+    """A finding of the checks of the logs, its severity in colour."""
+    run = f"{finding.run}: " if finding.run else ""
+    return Text.assemble((f"{finding.severity:8}", COLOURS[finding.severity]), f"{run}{finding.sentence}")
 
 
 def _parameters(result: IdentificationResult) -> Table:

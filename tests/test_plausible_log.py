@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from testbench.plausible_log import check_motion, check_torque
 
 from identification.errors import InputError
 from identification.parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT
 from testbench.cli import main
 from testbench.log import Recording, write_log
-from testbench.plausible_log import check_motion, check_torque
 from testbench.robot import Robot
 
 from .synthetic import synthetic_result, synthetic_robot

@@ -4,7 +4,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from testbench.summary import WIDTH
+from testbench.summary import WIDTH, finding_line
 
 from ..discrimination import NextExperiment
 from ..findings import Diagnosis
@@ -25,6 +25,7 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
     """Verdict, where, which, how far and what next, at most ten lines."""
     robot, gap = diagnosis.robot, diagnosis.gap
     lines = [Text(diagnosis.sentence, style="bold")]
+    lines += [finding_line(each) for each in diagnosis.log_findings if not each.bars_names]
     if where := words.where(diagnosis):
         lines.append(_line("where", where))
     for each in diagnosis.effects[:MOST_EFFECTS]:
@@ -60,7 +61,8 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
     lines.append(_line("gap", f"{told}, noise {np.sum(gap.noise_floor):.3g} {unit}{closed}"))
     if next_experiment is not None:
         lines.append(_line("next", next_experiment.why))
-    return Text("\n").join(lines[:MOST_LINES])
+    most = MOST_LINES + sum(not each.bars_names for each in diagnosis.log_findings)
+    return Text("\n").join(lines[:most])
 
 
 def _line(label: str, text: str) -> Text:

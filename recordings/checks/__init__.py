@@ -6,8 +6,10 @@ found nothing that makes every answer meaningless: they are left out otherwise.
 
 import importlib
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Protocol, cast
 
 from testbench.log import Recording
@@ -16,7 +18,7 @@ from testbench.robot import Robot
 from .finding import Finding, Severity
 from .subject import Subject
 
-__all__ = ["Finding", "Severity", "checks", "run_checks"]
+__all__ = ["Finding", "Severity", "checks", "require_sound", "run_checks"]
 
 
 class Check(Protocol):
@@ -43,9 +45,27 @@ def run_checks(robot: Robot, recordings: Mapping[str, Recording]) -> tuple[Findi
     subject, found = Subject(robot, recordings), list[Finding]()
     stage = 0
     for each in checks().values():
-        if each.STAGE > stage and any(finding.severity is Severity.STOP for finding in found):
+        if stage < each.STAGE and any(finding.severity is Severity.STOP for finding in found):
             break
         stage = each.STAGE
         found += each.check(subject)
     order = list(Severity)
     return tuple(sorted(found, key=lambda finding: order.index(finding.severity)))
+
+
+def require_sound(
+    robot: Robot, recordings: Mapping[str, Recording], paths: Sequence[Path]
+) -> tuple[Finding, ...]:
+    """What the checks find. Raises InputError, naming the file, for what makes every answer meaningless.
+
+    paths: the files of the recordings, in their order.
+    """
+    found = run_checks(robot, recordings)
+    stops = [each for each in found if each.severity is Severity.STOP]
+    if stops:
+        files = dict(zip(recordings, paths, strict=True))
+        of_run = [each for each in stops if each.run == stops[0].run]
+        sentence = "; ".join(dict.fromkeys(each.sentence for each in of_run))
+        source = files.get(stops[0].run, ", ".join(map(str, paths)))
+        raise replace(stops[0], sentence=sentence).error(source)
+    return found

@@ -66,8 +66,12 @@ def _is_certain(first: Candidate, best: Candidate) -> bool:
 
 def _suspected(finding: Finding, best: Candidate) -> Finding:
     left = float(np.sqrt(np.nanmean(best.explained.left**2)))
-    sentence = f"perhaps {finding.sentence}: likelier than not, but {left:.0%} of the torque is left even so"
-    return Finding(Severity.WARN, finding.code, sentence, finding.joints, finding.run, finding.field)
+    what = "" if finding.severity is Severity.WARN else f"{finding.expected.capitalize()} is expected; "
+    sentence = f"{what}perhaps the log has {finding.sentence} ({left:.0%} of the torque is left even so)"
+    bars = finding.code != "torque_scale"
+    return Finding(
+        Severity.WARN, finding.code, sentence, finding.joints, finding.run, finding.field, bars_names=bars
+    )
 
 
 def in_words(subject: Subject, convention: Convention) -> list[Finding]:
@@ -201,7 +205,7 @@ def _gravity(subject: Subject, convention: Convention) -> list[Finding]:
             "The logged torque has no gravity in it, and the model has: it was logged after gravity "
             "compensation, or the arm is balanced by counterweights or springs that the model lacks"
         )
-        return [Finding(Severity.WARN, "no_gravity", sentence, (), "", "joint/torque")]
+        return [Finding(Severity.WARN, "no_gravity", sentence, (), "", "joint/torque", bars_names=True)]
     # Not -0.0.
     down = ", ".join(f"{value:.1f}" for value in np.round(felt, 1) + 0.0)
     sentence = f"gravity as ({down}) m/s² by the torque: is the arm mounted so, and the model not?"

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from identification.parameters import COULOMB, INERTIAL, MASS, OFFSET, PER_JOINT, VISCOUS
 from identification.regressor import regressor
 from identification.springs import spring_torque
-from scipy.linalg import cho_factor, cho_solve
 
 from .convention import chain_of, read_by
 from .finding import Finding, Severity
@@ -53,9 +53,7 @@ def check(subject: Subject) -> list[Finding]:
         name, joints = names[each.run], subject.robot.joint_names
         if each.kind == "payload":
             mass, deviation = each.values[MASS], each.deviations[MASS]
-            sentence = (
-                f"{name} carries {mass:.2g} ± {deviation:.1g} kg that the other runs do not; fit it as a payload"
-            )
+            sentence = f"{name} carries {mass:.2g} ± {deviation:.1g} kg that the other runs do not; fit it as a payload"
         elif each.kind == "offsets":
             largest = int(np.argmax(np.abs(each.values) / each.deviations))
             sentence = (
@@ -129,7 +127,9 @@ class _JointFit:
             "offsets": (joints + OFFSET, OFFSETS * rms),
             "friction": (
                 np.concatenate([joints + VISCOUS, joints + COULOMB]),
-                np.concatenate([FRICTION * rms / np.maximum(np.sqrt(np.mean(read.dq**2, axis=0)), 1e-3), FRICTION * rms]),
+                np.concatenate(
+                    [FRICTION * rms / np.maximum(np.sqrt(np.mean(read.dq**2, axis=0)), 1e-3), FRICTION * rms]
+                ),
             ),
         }
         self.rows = rows

@@ -26,14 +26,18 @@ def check(subject: Subject) -> list[Finding]:
     samples = subject.samples
     if samples is None:
         return [
-            Finding(Severity.WARN, "short", "The runs are too short to check signs, order and scale: record 10 s")
+            Finding(
+                Severity.WARN, "short", "The runs are too short to check signs, order and scale: record 10 s"
+            )
         ]
     found = []
     moving = np.flatnonzero(samples.moves.sum(axis=0) >= FEWEST).tolist()
     still = [joint for joint in range(subject.robot.joints) if joint not in moving]
     if still:
         names = subject.names(still)
-        stood = "stood still: its parameters stay" if len(still) == 1 else "stood still: their parameters stay"
+        stood = (
+            "stood still: its parameters stay" if len(still) == 1 else "stood still: their parameters stay"
+        )
         sentence = f"{', '.join(names)} {stood} as the model has them; move each over most of its range"
         found.append(Finding(Severity.WARN, "still", sentence, names))
     found += _sines(subject, samples, moving)

@@ -21,7 +21,8 @@ class Finding:
 
     code: for machines, such as torque_sign. sentence: plain, with its figures and what to do. joints: names of
     those that it concerns; empty for the whole log. run: the run that has it; empty for all of them. field: the
-    channel, as robot-log spells it. expected: what it should be, of findings that stop.
+    channel, as robot-log spells it. expected: what it should be, of findings that stop. bars_names: beside it no
+    effect is named.
     """
 
     severity: Severity
@@ -31,6 +32,7 @@ class Finding:
     run: str = ""
     field: str = "log"
     expected: str = ""
+    bars_names: bool = False
 
     def error(self, source: str | Path) -> InputError:
         """The refusal of a log, ``source``, that has this."""

@@ -1,6 +1,6 @@
 """How well a model explains samples under a convention, by masses, rotors and friction that it may have.
 
-The parameters are Gaussian about the model's, as wide as CAD and data sheets are off (diagnosis/prior.py);
+The parameters are Gaussian about the model's, as wide as CAD and data sheets are off (identification/prior.py);
 what they leave at a joint has its own variance. The logarithm of the likelihood, with the parameters
 integrated out (MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992), compares conventions: a model
 that is a little wrong everywhere costs little, one that must be bent far costs much.
@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from diagnosis.prior import parameter_widths
 from identification.inverse_dynamics import inverse_dynamics
 from identification.parameters import ARMATURE, COULOMB, PER_JOINT, VISCOUS
+from identification.prior import parameter_widths
 from identification.regressor import regressor
 from identification.springs import spring_torque
 from testbench.robot import Robot
@@ -98,7 +98,10 @@ class ModelFit:
         b = factor[:, None] * at.torque_products - at.model_products
         c = factor**2 * at.torque_square - 2 * factor * at.both + at.model_square
         floors = (LEAST_LEFT * at.torque_rms / scale) ** 2
-        weight, variance = self.independent * at.samples / len(self.samples.q), np.maximum(c / at.samples, floors)
+        weight, variance = (
+            self.independent * at.samples / len(self.samples.q),
+            np.maximum(c / at.samples, floors),
+        )
         for _ in range(ITERATIONS):
             each = weight / at.samples / variance
             a = np.tensordot(each, at.grams, axes=1) + np.eye(at.grams.shape[1])

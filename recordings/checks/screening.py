@@ -197,6 +197,7 @@ class Screening:
             yield (common,) * self.n
         each = np.where(off, np.exp(logs), 1.0)
         yield tuple(each.tolist())
+
     def _match(self, convention: Convention) -> _Match:
         chain = chain_of(self.robot.chain, convention)
         read = read_by(self.samples, convention)

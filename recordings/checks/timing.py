@@ -86,5 +86,7 @@ def _rests(name: str, recording: Recording) -> list[Finding]:
     if (before + after) / len(position) < REST:
         return []
     rate = recording.sample_rate
-    sentence = f"at rest for {before / rate:.2g} s before and {after / rate:.2g} s after the motion: not counted"
+    sentence = (
+        f"at rest for {before / rate:.2g} s before and {after / rate:.2g} s after the motion: not counted"
+    )
     return [Finding(Severity.NOTE, "rest", sentence, run=name, field="time")]

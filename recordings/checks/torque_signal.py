@@ -49,7 +49,9 @@ def check(subject: Subject) -> list[Finding]:
 def _none(subject: Subject) -> Finding:
     sentence = f"0 at every sample of {', '.join(subject.robot.joint_names)}"
     expected = "joint torques that are not all zero"
-    return Finding(Severity.STOP, "no_torque", sentence, subject.robot.joint_names, "", "joint/torque", expected)
+    return Finding(
+        Severity.STOP, "no_torque", sentence, subject.robot.joint_names, "", "joint/torque", expected
+    )
 
 
 def _velocity(subject: Subject, samples: Samples) -> list[Finding]:
@@ -123,13 +125,13 @@ def _clipped(subject: Subject) -> list[Finding]:
         share = float(np.mean(np.concatenate(at)))
         if largest > 0 and share > CLIPPED and max(_longest(each) for each in at) >= IN_A_ROW and share < 0.9:
             joints.append(joint)
-            levels.append(f"{subject.robot.joint_names[joint]} at {largest:.3g} in {share:.1%} of the samples")
+            levels.append(
+                f"{subject.robot.joint_names[joint]} at {largest:.3g} in {share:.1%} of the samples"
+            )
     if not joints:
         return []
     sentence = f"The torque is clipped: {', '.join(levels)}; it is not known there"
-    return [
-        Finding(Severity.WARN, "saturated", sentence, subject.names(joints), "", "joint/torque")
-    ]
+    return [Finding(Severity.WARN, "saturated", sentence, subject.names(joints), "", "joint/torque")]
 
 
 def _longest(flags: NDArray[np.bool_]) -> int:

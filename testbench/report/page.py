@@ -75,6 +75,7 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
         model=robot.path.name,
         created=created,
         headline=headline(result),
+        log_findings=result.log_findings,
         tiles=_tiles(result, fit, validation),
         joints=[
             {
