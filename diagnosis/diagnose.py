@@ -48,7 +48,8 @@ def diagnose(
     """Why the model and the logs disagree.
 
     recordings: runs by name; their truth, where a simulation has written one, is not looked at.
-    without: effects taken out of the catalogue. log_findings: of the checks of these logs. Raises InputError for runs that are too short.
+    without: effects taken out of the catalogue. log_findings: of the checks of these
+    logs. Raises InputError for runs that are too short.
     """
     found = attribute(aligned(robot, recordings), without)
     prepared = found.prepared

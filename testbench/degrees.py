@@ -1,6 +1,7 @@
 """Positions in degrees, where the model's ranges leave no doubt of it."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,8 @@ ALIKE = 1.5
 def in_radians(recording: Recording, robot: Robot) -> Recording:
     """The recording with its hinges in radians, where only degrees fit the model's ranges; else as it is.
 
-    They do where some hinge is logged farther out of its range than the range is wide, and none would be in degrees.
+    They do where some hinge is logged farther out of its range than the range is wide, and none would be so
+    in degrees.
     """
     hinges = ~np.asarray(robot.chain.is_slide, bool)
     lower, upper = robot.limits.lower, robot.limits.upper
@@ -33,7 +35,7 @@ def in_radians(recording: Recording, robot: Robot) -> Recording:
     factor = np.where(hinges, np.pi / 180, 1.0)
     if not is_out.any() or np.any(beyond(recording.position * factor) > BEYOND * width):
         return recording
-    changed = {"position": recording.position * factor}
+    changed: dict[str, Any] = {"position": recording.position * factor}
     if recording.reference_position is not None:
         changed["reference_position"] = recording.reference_position * factor
     steps = np.abs(np.gradient(recording.position, recording.time, axis=0)).mean()

@@ -340,8 +340,8 @@ def in_model_order(recording: Recording, joint_names: Sequence[str]) -> Recordin
     sorted_ = with_channels(recording, recording.time, lambda _, own: own[:, places])
     controller = recording.controller
     if controller is not None:
-        gains = {each: getattr(controller, each) for each in ("kp", "kd")}
-        controller = replace(controller, **{k: None if v is None else v[places] for k, v in gains.items()})
+        kp, kd = (None if gains is None else gains[places] for gains in (controller.kp, controller.kd))
+        controller = replace(controller, kp=kp, kd=kd)
     slides = tuple(recording.is_slide[place] for place in places) if recording.is_slide else ()
     return replace(
         sorted_,

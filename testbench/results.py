@@ -38,7 +38,7 @@ class IdentificationResult:
     each run, in the order of fit_recordings and validation_recordings. comparison: with the truth,
     or None where it is unknown. residual_tests: of the torque residual of the fit runs. essential: the base
     parameters that the data cannot do without. Both are None where the equations are not at hand. mended: how
-    many samples of all logs were lost on the way, and are interpolated. log_findings: of the checks of the logs.
+    many samples of all logs were lost on the way, and are interpolated. log_findings: of their checks.
     """
 
     robot: Robot

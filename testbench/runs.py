@@ -15,9 +15,9 @@ from .robot import Robot
 def read_runs(paths: Sequence[Path], robot: Robot) -> list[Recording]:
     """The recordings of these logs, in their order.
 
-    Joints in another order are sorted by name, and positions in degrees converted. Raises InputError for a log
-    whose joints are not the robot's, and for a run that is given twice, be it under another name: no run may
-    speak for itself as one that was left out.
+    Joints in another order are sorted by name, and positions in degrees converted. Raises InputError for a
+    log whose joints are not the robot's, and for a run that is given twice, be it under another name: no run
+    may speak for itself as one that was left out.
     """
     recordings = []
     for path in paths:

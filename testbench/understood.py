@@ -1,4 +1,4 @@
-"""What of a log is written otherwise than the format says, but can only mean one thing: units, stamps, NaN."""
+"""Units, stamps and NaN that a log has otherwise than the format says, but that can mean only one thing."""
 
 from collections.abc import Sequence
 

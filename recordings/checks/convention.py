@@ -1,4 +1,4 @@
-"""How a log may count otherwise than the model does: order, signs, zeros, scale, and gravity that is not in it."""
+"""How a log may count otherwise than the model: order, signs, zeros, scale, gravity that is not in it."""
 
 from dataclasses import dataclass, replace
 from functools import cache

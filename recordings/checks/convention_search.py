@@ -18,8 +18,8 @@ from .screening import Screening
 PER_MISTAKE = 7.0
 # Conventions that are followed up, those weighed after a screening of one, rounds at most.
 BEAM, WEIGHED, ROUNDS = 3, 8, 5
-# A model explains a joint, and its parameters are not bent, where this share of torque is left, RMS, and they are
-# this many of their widths off, a joint.
+# A model explains a joint, and its parameters are not bent, where this share of torque is left, RMS, and they
+# are this many of their widths off, a joint.
 LEFT, BENT = 0.2, 1.4
 
 
@@ -43,7 +43,7 @@ def is_plain(candidate: Candidate) -> bool:
 
 
 def search(fit: ModelFit) -> tuple[Candidate, Candidate]:
-    """The candidate as modelled, and the likeliest of all: the same where no mistake makes the log likelier."""
+    """The candidate as modelled, and the likeliest of all; one where no mistake makes the log likelier."""
     screening = Screening(fit.robot, fit.samples, fit.independent)
     first = _weighed(fit, as_modelled(fit.robot.joints))
     if is_plain(first):

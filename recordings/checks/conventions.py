@@ -9,9 +9,12 @@ from .subject import Subject
 
 STAGE = 2
 
-# A convention is certain by so much of the posterior odds' logarithm, where the model explains what it concerns to
-# this share of torque, RMS, with parameters so many widths off, a joint; it is suspected by as much without these.
+# A convention is certain by so much of the posterior odds' logarithm, where the model explains what it
+# concerns to this share of torque, RMS, with parameters so many widths off, a joint; it is suspected by as
+# much without these.
 ODDS, LEFT, BENT = 15.0, 0.35, 2.2
+# Another unit is said by less: it takes three joints alike, or one that is far off.
+UNIT_ODDS = 4.0
 # rad: an encoder's zero may be off by less, which the diagnosis has an effect for.
 ZERO = np.deg2rad(4.0)
 # No drive's constant, and no model's mass, is off by more.
@@ -43,7 +46,9 @@ def check(subject: Subject) -> list[Finding]:
     if subject.searched is None:
         return []
     first, best = subject.searched
-    if best.convention == first.convention or best.score - first.score < ODDS:
+    is_unit = any(factor != 1 for factor in best.convention.scale)
+    least = UNIT_ODDS if is_unit else ODDS
+    if best.convention == first.convention or best.score - first.score < least:
         return []
     is_certain = _is_certain(first, best)
     found = in_words(subject, best.convention)

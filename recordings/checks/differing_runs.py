@@ -22,7 +22,8 @@ STAGE = 3
 
 # Logarithm of the odds by which a run differs, and what a further difference costs.
 ODDS, PER_DIFFERENCE = 12.0, 6.0
-# A payload, as a share of the arm's moving mass, one standard deviation; offsets and friction, of a joint's torque.
+# A payload, as a share of the arm's moving mass, one standard deviation; offsets and friction, of a joint's
+# torque.
 PAYLOAD, OFFSETS, FRICTION = 0.3, 0.15, 0.3
 # A payload is known where its mass is so many of its deviations.
 KNOWN = 3.0
@@ -33,7 +34,8 @@ ITERATIONS = 8
 class Difference:
     """What one run has that the others lack.
 
-    run: its index. kind: payload, offsets or friction. odds: logarithm. values, deviations: of its parameters.
+    run: its index. kind: payload, offsets or friction. odds: logarithm. values, deviations: of its
+    parameters.
     """
 
     run: int
@@ -53,20 +55,22 @@ def check(subject: Subject) -> list[Finding]:
         name, joints = names[each.run], subject.robot.joint_names
         if each.kind == "payload":
             mass, deviation = each.values[MASS], each.deviations[MASS]
-            sentence = f"{name} carries {mass:.2g} ± {deviation:.1g} kg that the other runs do not; fit it as a payload"
+            load = f"{mass:.2g} ± {deviation:.1g} kg"
+            sentence = f"{name} carries {load} that the other runs do not; fit it as a payload"
         elif each.kind == "offsets":
             largest = int(np.argmax(np.abs(each.values) / each.deviations))
+            offset = f"{each.values[largest]:.2g} ± {each.deviations[largest]:.1g}"
             sentence = (
-                f"{name} has other torque offsets, of {each.values[largest]:.2g} ± {each.deviations[largest]:.1g} "
-                f"N·m (N) at {joints[largest]}: another day's zero of the torque sensors?"
+                f"{name} has other torque offsets, {offset} N·m (N) at {joints[largest]}: another "
+                "day's zero of the torque sensors?"
             )
         else:
             half = len(each.values) // 2
             largest = int(np.argmax(np.abs(each.values[half:]) / each.deviations[half:]))
             value = each.values[half + largest]
             sentence = (
-                f"{name} has other friction, {value:+.2g} N·m (N) of Coulomb friction at {joints[largest]}: warm "
-                "and cold?"
+                f"{name} has other friction, {value:+.2g} N·m (N) of Coulomb friction at {joints[largest]}: "
+                "warm and cold?"
             )
         found.append(Finding(Severity.WARN, "runs_differ", sentence, run=name))
     return found
@@ -102,7 +106,8 @@ class _JointFit:
     """All runs by one set of parameters, with what some of them have of their own."""
 
     def __init__(self, subject: Subject):
-        assert subject.searched is not None and subject.fit is not None
+        assert subject.searched is not None
+        assert subject.fit is not None
         best = subject.searched[1]
         robot, recordings = subject.robot, list(subject.recordings.values())
         samples = slow_samples(recordings, MOST * 2)

@@ -44,8 +44,8 @@ def check(subject: Subject) -> list[Finding]:
     found += _ways(subject, samples, moving)
     if samples.seconds < SHORT:
         sentence = (
-            f"{samples.seconds:.2g} s are little: inertias stay as the model has them; record a motion of 20 s "
-            "with several frequencies, as testbench excite designs"
+            f"{samples.seconds:.2g} s are little: inertias stay as the model has them; record a motion of "
+            "20 s with several frequencies, as testbench excite designs"
         )
         found.append(Finding(Severity.NOTE, "short", sentence))
     return found

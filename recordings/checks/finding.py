@@ -19,10 +19,10 @@ class Severity(StrEnum):
 class Finding:
     """One finding of a check.
 
-    code: for machines, such as torque_sign. sentence: plain, with its figures and what to do. joints: names of
-    those that it concerns; empty for the whole log. run: the run that has it; empty for all of them. field: the
-    channel, as robot-log spells it. expected: what it should be, of findings that stop. bars_names: beside it no
-    effect is named.
+    code: for machines, such as torque_sign. sentence: plain, with its figures and what to do. joints: names
+    of those that it concerns; empty for the whole log. run: the run that has it; empty for all of them.
+    field: the channel, as robot-log spells it. expected: what it should be, of findings that stop.
+    bars_names: beside it no effect is named.
     """
 
     severity: Severity

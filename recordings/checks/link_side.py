@@ -7,7 +7,8 @@ from .subject import Subject
 
 STAGE = 3
 
-# Logarithm of the odds, a joint, by which a torque without friction and rotors is likelier than one with them.
+# Logarithm of the odds, a joint, by which a torque without friction and rotors is likelier than one with
+# them.
 ODDS = 4.0
 
 
@@ -23,8 +24,9 @@ def check(subject: Subject) -> list[Finding]:
     bare = subject.fit.without_friction_and_rotors()
     if moving and bare.under(plain).evidence > with_both + ODDS * moving:
         sentence = (
-            "The torque has no friction and no rotors in it: joint torque sensors on the link's side. Friction and "
-            "rotor inertia cannot be told from these logs; take them from the model, or log motor currents"
+            "The torque has no friction and no rotors in it: joint torque sensors on the link's side. "
+            "Friction and rotor inertia cannot be told from these logs: take them from the model, or log "
+            "motor currents"
         )
         return [Finding(Severity.WARN, "link_side", sentence, (), "", "joint/torque")]
     return []

@@ -1,9 +1,9 @@
 """How well a model explains samples under a convention, by masses, rotors and friction that it may have.
 
-The parameters are Gaussian about the model's, as wide as CAD and data sheets are off (identification/prior.py);
-what they leave at a joint has its own variance. The logarithm of the likelihood, with the parameters
-integrated out (MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992), compares conventions: a model
-that is a little wrong everywhere costs little, one that must be bent far costs much.
+The parameters are Gaussian about the model's, as wide as CAD and data sheets are off
+(identification/prior.py); what they leave at a joint has its own variance. The logarithm of the likelihood,
+with the parameters integrated out (MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992), compares
+conventions: a model that is a little wrong everywhere costs little, one that must be bent far costs much.
 """
 
 from dataclasses import dataclass, replace
@@ -32,6 +32,8 @@ PER_SECOND, MOST_INDEPENDENT = 2.0, 40.0
 FEWEST = 12
 # Of a parameter's width: it is as good as known.
 NEXT_TO_NONE = 1e-3
+# rad/s and rad/s² (m/s, m/s²), RMS, that a joint which hardly moves is taken to have.
+SLOWEST = 1e-3
 # Rounds between parameters and variances, and where they have settled.
 ITERATIONS, SETTLED = 10, 0.03
 
@@ -40,7 +42,8 @@ ITERATIONS, SETTLED = 10, 0.03
 class Explained:
     """evidence: logarithm. left: (n,) share of each joint's torque, RMS, that is left; NaN where none counts.
 
-    parameters: (14 n,), the likeliest. bent: by how many widths the parameters are off, all together, a joint.
+    parameters: (14 n,), the likeliest. bent: by how many widths the parameters are off, all together, a
+    joint.
     """
 
     evidence: float
@@ -50,7 +53,7 @@ class Explained:
 
 
 class ModelFit:
-    """A robot's model and samples of its logs. Raises nothing; joints that hardly move do not count."""
+    """A robot's model and samples of its logs. Joints that hardly move do not count."""
 
     def __init__(self, robot: Robot, samples: Samples):
         self.robot, self.samples = robot, samples
@@ -58,12 +61,10 @@ class ModelFit:
         model = self.model(samples)
         rms = np.sqrt(np.mean(model**2, axis=0))
         # A joint that the model has no torque of is judged by what is measured there.
-        self.typical = np.where(rms > 0, rms, np.maximum(self.torque_rms, 1e-9))
-        speed = np.sqrt(np.mean(samples.dq**2, axis=0))
-        acceleration = np.sqrt(np.mean(samples.ddq**2, axis=0))
-        self.widths = parameter_widths(
-            robot.parameters, self.typical, np.maximum(speed, 1e-3), np.maximum(acceleration, 1e-3)
-        )
+        self.typical: Array = np.where(rms > 0, rms, np.maximum(self.torque_rms, 1e-9))
+        speed = np.maximum(np.sqrt(np.mean(samples.dq**2, axis=0)), SLOWEST)
+        acceleration = np.maximum(np.sqrt(np.mean(samples.ddq**2, axis=0)), SLOWEST)
+        self.widths: Array = parameter_widths(robot.parameters, self.typical, speed, acceleration)
         self._products: dict[Convention, _Products] = {}
         self.independent = min(PER_SECOND * samples.seconds, MOST_INDEPENDENT, len(samples.q))
 
@@ -146,8 +147,10 @@ class ModelFit:
 
 @dataclass(frozen=True)
 class _Products:
-    """Of the joints that count (k,): Gram matrices (k, 14 n, 14 n) of their scaled regressors, and of these with
-    torque and with the model's torque (k, 14 n); samples in motion (k,), squares and products of both torques.
+    """Products of the scaled regressors and the torques of the joints that count, (k,) each.
+
+    grams: (k, 14 n, 14 n). torque_products, model_products: (k, 14 n), with the torque and with the model's.
+    samples: in motion. torque_square, both, model_square: of both torques.
     """
 
     joints: NDArray[np.int64]

@@ -1,4 +1,4 @@
-"""Positions that no robot has: wrapped, broken, far out of range, or the command's in place of measured ones."""
+"""Positions that no robot has: wrapped, broken, far out of range, or the command's own."""
 
 import numpy as np
 from numpy.typing import NDArray

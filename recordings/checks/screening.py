@@ -43,8 +43,8 @@ TINY = float(np.finfo(float).tiny)
 class _Match:
     """Of every joint (row) and torque column: what is left, and the slope, of torque against the links'.
 
-    fixed: (2, n, n) squared share left at the convention's scale, by a torque's sign of 1 and of -1. free: (n, n)
-    left at any scale. slope: (n, n) that scale, signed.
+    fixed: (2, n, n) squared share left at the convention's scale, by a torque's sign of 1 and of -1. free:
+    (n, n) left at any scale. slope: (n, n) that scale, signed.
     """
 
     fixed: Array
@@ -53,10 +53,10 @@ class _Match:
 
 
 class _Column:
-    """A log's column of positions: what friction, rotor and offset there explain of every torque is taken out.
+    """A log's column of positions: of every torque, what friction, rotor and offset there leave.
 
-    used: (M,) samples in motion. torque: (m, n) what is left of each column of torques; power: (n,) its square,
-    square: (n,) that of the whole.
+    used: (M,) samples in motion. torque: (m, n) what is left of each column of torques; power: (n,) its
+    square, square: (n,) that of the whole.
     """
 
     def __init__(self, samples: Samples, column: int):
@@ -107,7 +107,7 @@ class Screening:
         return fits - PER_MISTAKE * mistakes(convention)
 
     def _moved(self, start: Convention) -> Iterator[Convention]:
-        """Conventions whose positions, or gravity, are one mistake away from these; first those themselves."""
+        """Conventions whose positions, or gravity, are one mistake away; first those themselves."""
         yield start
         moving = [joint for joint in range(self.n) if self.columns[start.position_order[joint]] is not None]
         for order in _orders(start.position_order, moving):

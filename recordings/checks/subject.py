@@ -1,4 +1,4 @@
-"""What is checked: a robot's model and the runs that are read for it, and what several checks need of them."""
+"""A robot's model and its runs as they are checked, and what several checks need of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

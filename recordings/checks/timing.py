@@ -63,8 +63,8 @@ def _bus(name: str, recording: Recording) -> list[Finding]:
         if repeated:
             rate = recording.sample_rate * (1 - repeated)
             sentence = (
-                f"{channel} comes at {rate:.3g} Hz and is held at {recording.sample_rate:.3g} Hz: what is held "
-                "is interpolated, and counts as no measurement"
+                f"{channel} comes at {rate:.3g} Hz and is held at {recording.sample_rate:.3g} Hz: what is "
+                "held is interpolated, and counts as no measurement"
             )
             found.append(Finding(Severity.NOTE, "slower_bus", sentence, run=name, field=f"joint/{channel}"))
     return found

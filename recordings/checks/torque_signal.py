@@ -1,4 +1,4 @@
-"""Torques that are no measured torques: none, unsigned, clipped, in coarse steps, zero at rest, or velocities."""
+"""Torques that are none: absent, unsigned, clipped, in coarse steps, zero at rest, or velocities."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,18 +17,23 @@ STAGE = 1
 # Torque has lost its sign where it is never below zero, though a joint turns both ways in this share of its
 # samples at least, and its size goes with the model's better than it does itself.
 EITHER_WAY = 0.1
-# Torque is speed where nothing but this share of its variance is left of it, and their factor is so nearly one.
+# Torque is speed where nothing but this share of its variance is left of it, and their factor is so nearly
+# one.
 SPEED_LEAVES, SPEED_FACTOR = 0.02, 1.25
 # A torque that is clipped is at its largest in this share of the samples, in so many of them in a row.
 CLIPPED, IN_A_ROW = 0.005, 5
+# One that is there in more of them never changes.
+MOST = 0.9
 # Steps that are coarser than this share of a torque, RMS, are worth a word.
 COARSE = 0.05
+# Of a range: what is less is no step. Of a step: levels are whole steps to this.
+ROUNDING, EVEN = 1e-9, 0.05
 # Share of samples that are exactly zero while others are not.
 ZEROED = 0.02
 
 
 def check(subject: Subject) -> list[Finding]:
-    """Of all runs together: what the torque cannot be, and what it has that no noise can be estimated from."""
+    """Of all runs together: what the torque cannot be, and where it is no measurement."""
     torque = np.concatenate([each.torque for each in subject.recordings.values()])
     if not torque.any():
         return [_none(subject)]
@@ -123,7 +128,10 @@ def _clipped(subject: Subject) -> list[Finding]:
         largest = max(float(np.abs(column).max()) for column in columns)
         at = [np.abs(column) >= largest * (1 - 1e-9) for column in columns]
         share = float(np.mean(np.concatenate(at)))
-        if largest > 0 and share > CLIPPED and max(_longest(each) for each in at) >= IN_A_ROW and share < 0.9:
+        # In coarse steps many a torque is the largest.
+        whole = np.concatenate(columns)
+        is_fine = _step(whole) < COARSE * np.sqrt(np.mean(whole**2))
+        if is_fine and CLIPPED < share < MOST and max(_longest(each) for each in at) >= IN_A_ROW:
             joints.append(joint)
             levels.append(
                 f"{subject.robot.joint_names[joint]} at {largest:.3g} in {share:.1%} of the samples"
@@ -144,19 +152,25 @@ def _coarse(subject: Subject, torque: Array) -> list[Finding]:
     """Joints whose torque comes in coarse steps."""
     joints, steps = [], []
     for joint, column in enumerate(torque.T):
-        levels = np.unique(column)
-        rms = float(np.sqrt(np.mean(column**2)))
-        if len(levels) < 3 or rms == 0:
-            continue
-        step = float(np.min(np.diff(levels), where=np.diff(levels) > 1e-9 * np.ptp(column), initial=np.inf))
-        is_even = np.all(np.abs(levels / step - np.round(levels / step)) < 0.05)
-        if np.isfinite(step) and step > COARSE * rms and is_even:
+        step, rms = _step(column), float(np.sqrt(np.mean(column**2)))
+        if step > COARSE * rms:
             joints.append(joint)
             steps.append(f"{subject.robot.joint_names[joint]} {step:.3g} ({step / rms:.0%} of its RMS)")
     if not joints:
         return []
     sentence = f"The torque counts in steps: {', '.join(steps)}; smaller effects do not show"
     return [Finding(Severity.NOTE, "quantised", sentence, subject.names(joints), "", "joint/torque")]
+
+
+def _step(torque: Array) -> float:
+    """The even step that a torque (N,) counts in; 0 where it counts in none."""
+    levels = np.unique(torque)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > ROUNDING * np.ptp(torque)]
+    if len(gaps) < 2:
+        return 0.0
+    step = float(gaps.min())
+    return step if np.all(np.abs(levels / step - np.round(levels / step)) < EVEN) else 0.0
 
 
 def _zeroed(subject: Subject, torque: Array, moves: NDArray[np.bool_]) -> list[Finding]:
