@@ -28,8 +28,10 @@ def in_radians(recording: Recording, robot: Robot) -> Recording:
     width = upper - lower
 
     def beyond(position: np.ndarray) -> np.ndarray:
-        farthest = np.quantile(np.maximum(lower - position, position - upper), 1 - SPOILED, axis=0)
-        return np.where(ranged, farthest, -np.inf)
+        farthest = np.full(len(width), -np.inf)
+        out = np.maximum(lower - position, position - upper)[:, ranged]
+        farthest[ranged] = np.quantile(out, 1 - SPOILED, axis=0)
+        return farthest
 
     is_out = beyond(recording.position) > width
     factor = np.where(hinges, np.pi / 180, 1.0)

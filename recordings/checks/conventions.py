@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from testbench.findings import significant
+
 from .convention import Convention, cycles, mistakes
 from .convention_search import Candidate
 from .finding import Finding, Severity
@@ -71,8 +73,7 @@ def _is_certain(first: Candidate, best: Candidate) -> bool:
 
 def _suspected(finding: Finding, best: Candidate) -> Finding:
     left = float(np.sqrt(np.nanmean(best.explained.left**2)))
-    what = "" if finding.severity is Severity.WARN else f"{finding.expected.capitalize()} is expected; "
-    sentence = f"{what}perhaps the log has {finding.sentence} ({left:.0%} of the torque is left even so)"
+    sentence = f"suspected, since {left:.0%} of the torque is left even so: {finding.sentence}"
     bars = finding.code != "torque_scale"
     return Finding(
         Severity.WARN, finding.code, sentence, finding.joints, finding.run, finding.field, bars_names=bars
@@ -168,9 +169,13 @@ def _scales(subject: Subject, convention: Convention) -> list[Finding]:
     different = set(factors.values())
     if len(factors) == len(names) and len(different) == 1:
         (factor,) = different
-        whose = f"that of every joint is {factor:.2g} times the model's"
+        whose = f"that of every joint is {significant(factor, 2)} times the model's"
     else:
-        each = ", ".join(f"{names[joint]} is {factor:.2g}" for joint, factor in factors.items())
+        each = ", ".join(
+            f"{', '.join(names[joint] for joint in factors if factors[joint] == factor)} is "
+            f"{significant(factor, 2)}"
+            for factor in dict.fromkeys(factors.values())
+        )
         whose = f"that of {each} times the model's"
     hints = {unit for factor in different for unit in [_unit(factor)] if unit}
     if len(hints) == 1 and len(different) == 1:

@@ -32,6 +32,8 @@ PER_SECOND, MOST_INDEPENDENT = 2.0, 40.0
 FEWEST = 12
 # Of a parameter's width: it is as good as known.
 NEXT_TO_NONE = 1e-3
+# N·m (N), RMS, where nothing is known of a torque.
+LEAST_TORQUE = 1e-9
 # rad/s and rad/s² (m/s, m/s²), RMS, that a joint which hardly moves is taken to have.
 SLOWEST = 1e-3
 # Rounds between parameters and variances, and where they have settled.
@@ -61,9 +63,11 @@ class ModelFit:
         model = self.model(samples)
         rms = np.sqrt(np.mean(model**2, axis=0))
         # A joint that the model has no torque of is judged by what is measured there.
-        self.typical: Array = np.where(rms > 0, rms, np.maximum(self.torque_rms, 1e-9))
-        speed = np.maximum(np.sqrt(np.mean(samples.dq**2, axis=0)), SLOWEST)
-        acceleration = np.maximum(np.sqrt(np.mean(samples.ddq**2, axis=0)), SLOWEST)
+        self.typical: Array = np.asarray(rms, dtype=np.float64)
+        self.typical[rms == 0] = np.maximum(self.torque_rms, LEAST_TORQUE)[rms == 0]
+        speed, acceleration = (
+            np.maximum(np.sqrt(np.mean(each**2, axis=0)), SLOWEST) for each in (samples.dq, samples.ddq)
+        )
         self.widths: Array = parameter_widths(robot.parameters, self.typical, speed, acceleration)
         self._products: dict[Convention, _Products] = {}
         self.independent = min(PER_SECOND * samples.seconds, MOST_INDEPENDENT, len(samples.q))

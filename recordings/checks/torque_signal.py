@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 STAGE = 1
 
 # Torque has lost its sign where it is never below zero, though a joint turns both ways in this share of its
-# samples at least, and its size goes with the model's better than it does itself.
-EITHER_WAY = 0.1
+# samples at least, and the model's size leaves less of it, squared, than this share of what the model leaves.
+EITHER_WAY, UNSIGNED = 0.1, 0.25
 # Torque is speed where nothing but this share of its variance is left of it, and their factor is so nearly
 # one.
 SPEED_LEAVES, SPEED_FACTOR = 0.02, 1.25
@@ -94,7 +94,7 @@ def _unsigned(subject: Subject, samples: Samples, torque: Array) -> list[Finding
             continue
         both_ways = min(np.mean(positive), np.mean(~positive)) > EITHER_WAY
         either_side = min(np.mean(modelled > 0), np.mean(modelled < 0)) > EITHER_WAY
-        if both_ways and either_side and _left(own, np.abs(modelled)) < _left(own, modelled):
+        if both_ways and either_side and _left(own, np.abs(modelled)) < UNSIGNED * _left(own, modelled):
             joints.append(joint)
     if not joints:
         return []
@@ -176,7 +176,9 @@ def _step(torque: Array) -> float:
 def _zeroed(subject: Subject, torque: Array, moves: NDArray[np.bool_]) -> list[Finding]:
     """Joints whose torque is exactly zero at rest, and nowhere else."""
     zero = (torque == 0) & ~moves
-    share = np.mean(zero, axis=0)
+    # In coarse steps zero is a torque like others.
+    coarse = np.array([_step(each) for each in torque.T]) > COARSE * np.sqrt(np.mean(torque**2, axis=0))
+    share = np.where(coarse, 0.0, np.mean(zero, axis=0))
     elsewhere = np.mean((torque == 0) & moves, axis=0)
     joints = np.flatnonzero((share > ZEROED) & (elsewhere < share / 10) & torque.any(axis=0)).tolist()
     if not joints:
