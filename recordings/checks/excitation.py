@@ -8,8 +8,10 @@ from .subject import Subject
 
 STAGE = 3
 
-# A joint is a sine about a centre where its acceleration follows its position to this share of variance.
-ONE_SINE = 0.03
+# A joint is a sine where one leaves this share of its position's variance.
+ONE_SINE = 0.01
+# Frequencies that are tried about what speed and way say, as shares of that.
+ABOUT, TRIED = (0.8, 1.25), 181
 # Frequencies of joints that are one.
 SAME = 0.05
 # A joint that moves one way in all but this share of its moving samples.
@@ -52,28 +54,32 @@ def check(subject: Subject) -> list[Finding]:
 
 
 def _sines(subject: Subject, samples: Samples, moving: list[int]) -> list[Finding]:
-    """Joints that swing at one frequency, in every run."""
-    joints, hertz = [], []
+    """Joints that swing at one frequency, in every run in which they move."""
+    hertz: dict[int, list[float]] = {}
     for joint in moving:
         frequencies = [_frequency(samples, joint, run) for run in np.unique(samples.run).tolist()]
         known = [each for each in frequencies if each is not None]
-        # Runs at rest there tell nothing, and one that is no sine tells enough.
-        if known and all(each > 0 for each in known) and max(known) < (1 + SAME) * min(known):
-            joints.append(joint)
-            hertz.append(float(np.mean(known)))
-    if not joints:
+        # One run that is no sine tells enough.
+        if known and all(each > 0 for each in known):
+            hertz[joint] = known
+    if not hertz:
         return []
-    names = subject.names(joints)
-    same = max(hertz) < (1 + SAME) * min(hertz)
-    if joints == moving and same:
-        whose = "One sine of one frequency on every joint" if len(joints) > 1 else f"One sine at {names[0]}"
-        whose += f" ({np.mean(hertz):.2g} Hz)"
+    names = subject.names(list(hertz))
+    everything = np.concatenate(list(hertz.values()))
+    if list(hertz) == moving and everything.max() < (1 + SAME) * everything.min():
+        where = "of one frequency on every joint" if len(moving) > 1 else f"at {names[0]}"
+        whose = f"One sine {where} ({everything.mean():.2g} Hz)"
+    elif list(hertz) == moving:
+        values = ", ".join(dict.fromkeys(f"{value:.2g}" for value in np.sort(everything)))
+        whose = f"One sine on every joint in each run ({values} Hz)"
     else:
-        each = ", ".join(f"{name} ({value:.2g} Hz)" for name, value in zip(names, hertz, strict=True))
+        each = ", ".join(
+            f"{name} ({hertz[joint][0]:.2g} Hz)" for name, joint in zip(names, hertz, strict=True)
+        )
         whose = f"One sine alone at {each}"
     sentence = (
-        f"{whose}: inertia and gravity there cannot be told apart; record several frequencies, as testbench "
-        "excite designs"
+        f"{whose}: inertia and gravity there can hardly be told apart; record several frequencies, as "
+        "testbench excite designs"
     )
     return [Finding(Severity.WARN, "one_sine", sentence, names)]
 
@@ -83,11 +89,17 @@ def _frequency(samples: Samples, joint: int, run: int) -> float | None:
     own = samples.run == run
     if np.count_nonzero(samples.moves[own, joint]) < FEWEST:
         return None
-    q, acceleration = samples.q[own, joint], samples.ddq[own, joint]
-    x = np.column_stack([q, np.ones(len(q))])
-    values = np.linalg.lstsq(x, acceleration, rcond=None)[0]
-    left = np.sum((acceleration - x @ values) ** 2) / np.sum(acceleration**2)
-    return float(np.sqrt(-values[0]) / (2 * np.pi)) if left < ONE_SINE and values[0] < 0 else 0.0
+    time, q = samples.time[own], samples.q[own, joint]
+    centred = q - q.mean()
+    rough = 2 * np.sqrt(2 * np.mean(samples.dq[own, joint] ** 2) / np.ptp(q) ** 2) / (2 * np.pi)
+
+    def left(frequency: float) -> float:
+        angle = 2 * np.pi * frequency * time
+        x = np.column_stack([np.sin(angle), np.cos(angle), np.ones(len(time))])
+        return float(np.sum((centred - x @ np.linalg.lstsq(x, centred, rcond=None)[0]) ** 2))
+
+    best = min((rough * factor for factor in np.linspace(*ABOUT, TRIED).tolist()), key=left)
+    return best if left(best) < ONE_SINE * float(centred @ centred) else 0.0
 
 
 def _ways(subject: Subject, samples: Samples, moving: list[int]) -> list[Finding]:

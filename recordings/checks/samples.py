@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +28,12 @@ MOVING = 0.02
 class Samples:
     """M samples of n joints, SI units at the joint.
 
-    q, dq, ddq, torque: (M, n). moves: (M, n) bool, faster than MOVING. run: (M,) which recording each is of.
+    time: (M,) s. q, dq, ddq, torque: (M, n). moves: (M, n) bool, faster than MOVING. run: (M,) which
+    recording each is of.
     seconds: all that was recorded.
     """
 
+    time: Array
     q: Array
     dq: Array
     ddq: Array
@@ -45,14 +48,14 @@ def slow_samples(recordings: Sequence[Recording], most: int = MOST) -> Samples |
     parts = [part for index, each in enumerate(recordings) if (part := _slow(each, index)) is not None]
     if not parts:
         return None
-    q, dq, ddq, torque, run = (np.concatenate(column) for column in zip(*parts, strict=True))
+    time, q, dq, ddq, torque, run = (np.concatenate(column) for column in zip(*parts, strict=True))
     every = slice(None, None, max(1, len(q) // most))
-    q, dq, ddq, torque, run = (each[every] for each in (q, dq, ddq, torque, run))
+    time, q, dq, ddq, torque, run = (each[every] for each in (time, q, dq, ddq, torque, run))
     seconds = sum(float(each.time[-1] - each.time[0]) for each in recordings)
-    return Samples(q, dq, ddq, torque, np.abs(dq) > MOVING, run, seconds)
+    return Samples(time, q, dq, ddq, torque, np.abs(dq) > MOVING, run, seconds)
 
 
-def _slow(recording: Recording, index: int) -> tuple[Array, Array, Array, Array, NDArray[np.int64]] | None:
+def _slow(recording: Recording, index: int) -> tuple[NDArray[Any], ...] | None:
     even = motion(mended(recording, lost_samples(recording)))
     rate = even.sample_rate
     cutoff = min(BAND, OF_RATE * rate)
@@ -63,4 +66,5 @@ def _slow(recording: Recording, index: int) -> tuple[Array, Array, Array, Array,
     dq = central_difference(q, rate)
     ddq = central_difference(dq, rate)
     kept = slice(edge, len(q) - edge, max(1, round(rate / (4 * cutoff))))
-    return q[kept], dq[kept], ddq[kept], torque[kept], np.full(len(q[kept]), index)
+    time = np.arange(len(q)) / rate
+    return time[kept], q[kept], dq[kept], ddq[kept], torque[kept], np.full(len(q[kept]), index)

@@ -35,9 +35,9 @@ ZEROED = 0.02
 def check(subject: Subject) -> list[Finding]:
     """Of all runs together: what the torque cannot be, and where it is no measurement."""
     torque = np.concatenate([each.torque for each in subject.recordings.values()])
-    if not torque.any():
-        return [_none(subject)]
-    found = []
+    found = [_none(subject, name) for name, each in subject.recordings.items() if not each.torque.any()]
+    if found:
+        return found
     samples = subject.samples
     if samples is not None:
         found += _velocity(subject, samples)
@@ -51,11 +51,11 @@ def check(subject: Subject) -> list[Finding]:
     return found
 
 
-def _none(subject: Subject) -> Finding:
+def _none(subject: Subject, run: str) -> Finding:
     sentence = f"0 at every sample of {', '.join(subject.robot.joint_names)}"
     expected = "joint torques that are not all zero"
     return Finding(
-        Severity.STOP, "no_torque", sentence, subject.robot.joint_names, "", "joint/torque", expected
+        Severity.STOP, "no_torque", sentence, subject.robot.joint_names, run, "joint/torque", expected
     )
 
 
