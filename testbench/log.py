@@ -225,7 +225,7 @@ class _Reader(CheckedFile):
             }
         rate, provenance = self.number(self.file, "sample_rate"), self._provenance()
         units = self.units("time")
-        time, unit = in_seconds(self.numbers("time"), rate, units[0])
+        time, unit = in_seconds(self.numbers("time"), rate, spelled(units[0]))
         if unit != "s":
             provenance = _saying(provenance, f"time stamps are in {unit}: read as seconds")
         elif spelled(units[0]) != "s":

@@ -13,13 +13,14 @@ SPELLINGS = {
     "N": ("newton", "newtons"),
     "rad": ("radian", "radians"),
     "m": ("meter", "metre", "meters", "metres"),
+    "us": ("µs", "μs"),
     "s": ("sec", "second", "seconds"),
     "rad/s": ("rad/sec", "rad s^-1", "rad*s^-1"),
     "rad/s^2": ("rad/s2", "rad/s²", "rad/sec^2"),
     "degC": ("°c", "celsius", "deg c"),
 }
 # Units of time that are no seconds, and what one of them is, s.
-TIMES = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Stamps are in another unit where their rate then is the log's to this share.
 NEAR = 0.05
 # So many NaN in a row are samples lost on the way; more are a gap that is not filled.
@@ -36,15 +37,13 @@ def spelled(unit: str) -> str:
 
 
 def in_seconds(time: Array, rate: float, unit: str = "s") -> tuple[Array, str]:
-    """Time stamps (N,) in seconds and the unit they were in, by their unit or by the log's rate, Hz."""
-    if unit in TIMES:
-        return time * TIMES[unit], unit
+    """Time stamps (N,) in seconds and the unit they were in, where the log's rate, Hz, says so."""
     steps = np.diff(time)
     usual = float(np.median(steps)) if len(steps) else 0.0
     if not (np.isfinite(usual) and usual > 0 and np.isfinite(rate) and rate > 0):
         return time, "s"
     for name, second in TIMES.items():
-        if abs(usual * second * rate - 1) < NEAR:
+        if unit in ("s", name) and abs(usual * second * rate - 1) < NEAR:
             return time * second, name
     return time, "s"
 

@@ -16,7 +16,7 @@ def test_runs_of_one_robot_do_not_differ(arm, healthy_runs):
 
 
 def test_a_payload_of_one_run_is_found_with_its_mass(arm, healthy_runs):
-    loaded = simulated_runs(arm, [parse_injection(arm, "payload::mass=1.5,x=0.1")], runs=3)
+    loaded = simulated_runs(arm, [parse_injection(arm, "payload::mass=1.5,first_moment_x=0.15")], runs=3)
     runs = healthy_runs | {"run_2": loaded["run_2"]}
     (found,) = differences(Subject(arm, runs))
     assert (found.run, found.kind) == (1, "payload")
@@ -25,7 +25,7 @@ def test_a_payload_of_one_run_is_found_with_its_mass(arm, healthy_runs):
 
 def test_other_offsets_of_one_run_are_found(arm, healthy_runs):
     last = healthy_runs["run_3"]
-    runs = healthy_runs | {"run_3": replace(last, torque=last.torque + [3.0, -1.0])}
+    runs = healthy_runs | {"run_3": replace(last, torque=last.torque + np.array([3.0, -1.0]))}
     (found,) = differences(Subject(arm, runs))
     assert (found.run, found.kind) == (2, "offsets")
     assert np.allclose(found.values, [3.0, -1.0], atol=0.3)
