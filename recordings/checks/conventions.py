@@ -21,6 +21,8 @@ UNIT_ODDS = 4.0
 ZERO = np.deg2rad(4.0)
 # No drive's constant, and no model's mass, is off by more.
 FACTOR = 3.0
+# Of its drive's limit: no torque is more, RMS.
+BEYOND = 5.0
 # A factor that is nearer to one is a gain, or the model's own error.
 LEAST_FACTOR = 1.25
 # Gravity, m/s², that is less is none; a share of the model's.
@@ -44,7 +46,27 @@ SCALE_EXPECTED = "torque in N·m (N) at the joint"
 
 
 def check(subject: Subject) -> list[Finding]:
-    """How the log counts otherwise than the model, all at once; certain or suspected."""
+    """How the log counts otherwise than the model, all at once, certain or suspected; and impossible torques."""
+    found = _by_model(subject)
+    return found if any(each.code == "torque_scale" for each in found) else [*found, *_beyond_drives(subject)]
+
+
+def _beyond_drives(subject: Subject) -> list[Finding]:
+    """Joints whose torque is more than their drives give, where the model says nothing of it."""
+    torque = np.concatenate([each.torque for each in subject.recordings.values()])
+    limit = subject.robot.limits.torque
+    times = np.sqrt(np.mean(torque**2, axis=0)) / np.where(limit > 0, limit, np.inf)
+    joints = np.flatnonzero(times > BEYOND).tolist()
+    if not joints:
+        return []
+    each = ", ".join(f"{subject.robot.joint_names[j]} is {significant(float(times[j]), 2)}" for j in joints)
+    sentence = f"that of {each} times what its drive can, RMS: another unit?"
+    names = subject.names(joints)
+    return [Finding(Severity.STOP, "torque_scale", sentence, names, "", "joint/torque", SCALE_EXPECTED)]
+
+
+def _by_model(subject: Subject) -> list[Finding]:
+    """How the log counts otherwise than the model, by the search over conventions."""
     if subject.searched is None:
         return []
     first, best = subject.searched
