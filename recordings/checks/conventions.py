@@ -46,7 +46,7 @@ SCALE_EXPECTED = "torque in N·m (N) at the joint"
 
 
 def check(subject: Subject) -> list[Finding]:
-    """How the log counts otherwise than the model, all at once, certain or suspected; and impossible torques."""
+    """How the log counts otherwise than the model, certain or suspected; torques that no drive gives."""
     found = _by_model(subject)
     return found if any(each.code == "torque_scale" for each in found) else [*found, *_beyond_drives(subject)]
 
