@@ -45,9 +45,14 @@ def check(subject: Subject) -> list[Finding]:
             found += _unsigned(subject, samples, torque)
     moves = np.concatenate([_speeds(each) > MOVING for each in subject.recordings.values()])
     found += _silent(subject, torque)
-    found += _clipped(subject)
-    found += _coarse(subject, torque)
-    found += _zeroed(subject, torque, moves)
+    # Of runs that count in different steps the finest.
+    step = np.min(
+        [[_step(column) for column in each.torque.T] for each in subject.recordings.values()], axis=0
+    )
+    share = step / np.maximum(np.sqrt(np.mean(torque**2, axis=0)), np.finfo(float).tiny)
+    found += _clipped(subject, share > COARSE)
+    found += _coarse(subject, step, share)
+    found += _zeroed(subject, torque, moves, share > COARSE)
     return found
 
 
@@ -120,7 +125,7 @@ def _silent(subject: Subject, torque: Array) -> list[Finding]:
     return [Finding(Severity.WARN, "silent", sentence, names, "", "joint/torque")]
 
 
-def _clipped(subject: Subject) -> list[Finding]:
+def _clipped(subject: Subject, coarse: NDArray[np.bool_]) -> list[Finding]:
     """Joints whose torque stays at its largest, again and again."""
     joints, levels = [], []
     for joint in range(subject.robot.joints):
@@ -129,9 +134,7 @@ def _clipped(subject: Subject) -> list[Finding]:
         at = [np.abs(column) >= largest * (1 - 1e-9) for column in columns]
         share = float(np.mean(np.concatenate(at)))
         # In coarse steps many a torque is the largest.
-        whole = np.concatenate(columns)
-        is_fine = _step(whole) < COARSE * np.sqrt(np.mean(whole**2))
-        if is_fine and CLIPPED < share < MOST and max(_longest(each) for each in at) >= IN_A_ROW:
+        if not coarse[joint] and CLIPPED < share < MOST and max(_longest(each) for each in at) >= IN_A_ROW:
             joints.append(joint)
             levels.append(
                 f"{subject.robot.joint_names[joint]} at {largest:.3g} in {share:.1%} of the samples"
@@ -148,14 +151,10 @@ def _longest(flags: NDArray[np.bool_]) -> int:
     return int(np.max(edges[1::2] - edges[::2], initial=0))
 
 
-def _coarse(subject: Subject, torque: Array) -> list[Finding]:
-    """Joints whose torque comes in coarse steps."""
-    joints, steps = [], []
-    for joint, column in enumerate(torque.T):
-        step, rms = _step(column), float(np.sqrt(np.mean(column**2)))
-        if step > COARSE * rms:
-            joints.append(joint)
-            steps.append(f"{subject.robot.joint_names[joint]} {step:.3g} ({step / rms:.0%} of its RMS)")
+def _coarse(subject: Subject, step: Array, share: Array) -> list[Finding]:
+    """Joints whose torque comes in steps (n,) that are a large share (n,) of it, RMS."""
+    joints = np.flatnonzero(share > COARSE).tolist()
+    steps = [f"{subject.robot.joint_names[j]} {step[j]:.3g} ({share[j]:.0%} of its RMS)" for j in joints]
     if not joints:
         return []
     sentence = f"The torque counts in steps: {', '.join(steps)}; smaller effects do not show"
@@ -173,11 +172,12 @@ def _step(torque: Array) -> float:
     return step if np.all(np.abs(levels / step - np.round(levels / step)) < EVEN) else 0.0
 
 
-def _zeroed(subject: Subject, torque: Array, moves: NDArray[np.bool_]) -> list[Finding]:
+def _zeroed(
+    subject: Subject, torque: Array, moves: NDArray[np.bool_], coarse: NDArray[np.bool_]
+) -> list[Finding]:
     """Joints whose torque is exactly zero at rest, and nowhere else."""
     zero = (torque == 0) & ~moves
     # In coarse steps zero is a torque like others.
-    coarse = np.array([_step(each) for each in torque.T]) > COARSE * np.sqrt(np.mean(torque**2, axis=0))
     share = np.where(coarse, 0.0, np.mean(zero, axis=0))
     elsewhere = np.mean((torque == 0) & moves, axis=0)
     joints = np.flatnonzero((share > ZEROED) & (elsewhere < share / 10) & torque.any(axis=0)).tolist()
