@@ -60,8 +60,8 @@ def _figures(name: str, recording: Recording) -> dict[str, Any]:
 def in_lines(robot: Robot, recordings: Mapping[str, Recording], found: Sequence[Finding]) -> Group:
     """What was recorded in a line, ranges and torques in a line each, and the findings, the gravest first."""
     seconds = sum(float(each.time[-1] - each.time[0]) for each in recordings.values())
-    rates = sorted({each.sample_rate for each in recordings.values()})
-    at = " and ".join(f"{rate:.4g} Hz" for rate in rates)
+    rates = sorted(each.sample_rate for each in recordings.values())
+    at = " and ".join(dict.fromkeys(f"{rate:.4g} Hz" for rate in rates))
     count = f"{len(recordings)} run" + ("s" if len(recordings) > 1 else "")
     position = np.concatenate([each.position for each in recordings.values()])
     torque = np.concatenate([each.torque for each in recordings.values()])
