@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recordings.checks.finding import Finding
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from . import frames, torque_scale
 from .accepted import Accepted
 from .alignment import aligned
 from .attribution import CONFUSABLE, Attribution, attribute
@@ -18,7 +18,6 @@ from .correction import corrected_by
 from .deviations import covariance_with_shapes
 from .evidence import Fit, rms, standard_values
 from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate
-from .healthy import OFFSET
 from .held_out.at_rest import left_at_rest
 from .held_out.doubts import ONE_SINE, doubt, with_support
 from .held_out.prior_strength import with_predictive_prior
@@ -53,13 +52,14 @@ def diagnose(
     without: Sequence[str] = (),
     cutoff: float | None = None,
     payloads: Mapping[str, float] | None = None,
+    log_findings: tuple[Finding, ...] = (),
 ) -> Diagnosis:
     """Why the model and the logs disagree.
 
     recordings: runs by name; their truth, where a simulation has written one, is not looked at.
     without: effects taken out of the catalogue. cutoff: Hz, no joint's band is wider; None for what its
-    encoders leave. payloads: kg, known to be in one run and in no other, by its name. Raises InputError for
-    runs that are too short.
+    encoders leave. payloads: kg, known to be in one run and in no other, by its name. log_findings: of the
+    checks of these logs. Raises InputError for runs that are too short.
     """
     alike, differences = without_differences(aligned(robot, recordings, cutoff), payloads)
     found = without_untold(attribute(alike, without))
@@ -90,20 +90,13 @@ def diagnose(
     effects = tuple(_named(found, index) for index in named)
     probabilities = certainties(effects, gap, len(prepared.runs))
     effects = tuple(replace(each, probability=p) for each, p in zip(effects, probabilities, strict=True))
-    scales, excessive = torque_scale.foreign_scales(prepared), torque_scale.beyond_limits(prepared)
-    # Torque in other units has another gravity, too.
-    misplaced = None if scales or excessive else frames.misplaced(prepared)
-    # What the catalogue has is told as that.
-    if misplaced is not None and misplaced.zero and (OFFSET, misplaced.zero[0]) in _places(effects):
-        misplaced = None
-    if misplaced is None:
+    barring = next((each for each in log_findings if each.bars_names), None)
+    if barring is None:
         verdict = _verdict(found, gap)
-        sentence = torque_scale.in_words(robot, scales, excessive) + sentence_of(
-            robot, verdict, effects, found.unknown, gap, torque
-        )
+        sentence = sentence_of(robot, verdict, effects, found.unknown, gap, torque)
     else:
         # Beside such a gap whatever has a name stands for a part of it.
-        verdict, sentence = "unknown", frames.in_words(robot, misplaced)
+        verdict, sentence = "unknown", f"{barring.sentence}. Mend that first: beside it no effect is named."
     fitted = final[1]
     return Diagnosis(
         robot=robot,
@@ -125,11 +118,9 @@ def diagnose(
         everywhere=tuple(
             (a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.is_everywhere
         ),
-        misplaced=misplaced,
         one_sine=one_sine(prepared),
         differences=differences,
-        scales=scales,
-        excessive=excessive,
+        log_findings=log_findings,
     )
 
 
@@ -151,10 +142,6 @@ def _without_doubtful(found: Attribution, kept: Kept) -> Attribution:
         if item.named and (why := ONE_SINE if by_sines else doubt(_named(found, index))):
             accepted[index] = replace(item, named=False, doubt=why)
     return replace(found, accepted=tuple(accepted))
-
-
-def _places(effects: Sequence[NamedEffect]) -> set[tuple[str, int | None]]:
-    return {(each.effect, each.joint) for each in effects}
 
 
 def _kept(

@@ -73,7 +73,7 @@ def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | Non
     them. Where no motion tells them apart, or none can be designed, only the words say what to do. Where a
     frame of the model is not the robot's, that is mended first.
     """
-    open_ = None if diagnosis.misplaced else still_open(diagnosis)
+    open_ = None if diagnosis.barred else still_open(diagnosis)
     if open_ is None:
         return None
     judge = Separation(diagnosis, open_)

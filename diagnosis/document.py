@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,6 @@ from .correction import corrected_model, correction_document
 from .discrimination import NextExperiment
 from .findings import Diagnosis, NamedEffect, RegimeShare
 from .forward import ForwardGap
-from .frames import Misplaced
 
 FORMAT, VERSION = "gap-diagnosis", 1
 
@@ -114,9 +114,6 @@ def diagnosis_document(
         "next_experiment": None if next_experiment is None else _experiment(next_experiment),
         "not_in_mjcf": list(not_in_mjcf),
         "notes": list(diagnosis.notes),
-        "misplaced": _misplaced(diagnosis.misplaced, names),
-        "torque_scale": {names[joint]: _number(factor) for joint, factor in diagnosis.scales.items()},
-        "torque_by_limit": {names[joint]: _number(times) for joint, times in diagnosis.excessive.items()},
         "differences": [
             {
                 "run": each.run,
@@ -128,6 +125,7 @@ def diagnosis_document(
             }
             for each in diagnosis.differences
         ],
+        "log_findings": [asdict(each) for each in diagnosis.log_findings],
         "late": _number(diagnosis.prepared.lag.seconds),
         "low_passed": _low_passed(diagnosis.prepared.lag),
         "noise_unseen": [names[joint] for joint in diagnosis.noise_unseen],
@@ -144,15 +142,6 @@ def diagnosis_document(
 def _low_passed(lag: TorqueLag) -> dict[str, Any] | None:
     """The low-pass that the logged torque has passed, corner in Hz; None for none."""
     return {"order": lag.order, "corner": _number(lag.corner)} if lag.order else None
-
-
-def _misplaced(found: Misplaced | None, names: Sequence[str]) -> dict[str, Any] | None:
-    """Gravity as the robot feels it, m/s², the joint whose zero is elsewhere, rad, those that are turned."""
-    if found is None:
-        return None
-    zero = None if found.zero is None else {"joint": names[found.zero[0]], "angle": _number(found.zero[1])}
-    turned = [names[joint] for joint in found.turned]
-    return {"gravity": _numbers(found.gravity), "zero": zero, "turned": turned}
 
 
 def _regime(part: RegimeShare) -> dict[str, Any]:

@@ -1,18 +1,17 @@
 """What a diagnosis says: verdict, effects, where the gap lies, how far it shrinks."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recordings.checks.finding import Finding
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
 from .candidates import Candidate
 from .evidence import Fit
-from .frames import Misplaced
 from .held_out.shrinkage import Kept
 from .held_out.unlike import Difference
 from .hypothesis import Design
@@ -170,11 +169,8 @@ class Diagnosis:
     kept: how much of either the predictions and the model files have.
     not_observable: effects nothing of which would show.
     recurrence: the push as one that every run has. everywhere: effects fitted without a name, as other joints
-    are about as imperfect. misplaced: the frame of the model that is not the robot's, beside which nothing is
-    told. one_sine: joints that follow one sine in each run. differences: what some runs have
-    and others have not, taken off before the fit. scales: by joint, the factor of logged torque to
-    the model's, where that is in other units.
-    excessive: by joint, the RMS torque by its drive's limit, where that is more than any drive gives.
+    are about as imperfect. one_sine: joints that follow one sine in each run. differences: what some runs
+    have and others have not, taken off before the fit. log_findings: of the checks of the logs.
     """
 
     robot: Robot
@@ -194,11 +190,14 @@ class Diagnosis:
     notes: tuple[str, ...] = field(default_factory=tuple)
     recurrence: Recurrence | None = None
     everywhere: tuple[tuple[str, int | None], ...] = ()
-    misplaced: Misplaced | None = None
     one_sine: frozenset[int] = frozenset()
     differences: tuple[Difference, ...] = ()
-    scales: Mapping[int, float] = field(default_factory=dict)
-    excessive: Mapping[int, float] = field(default_factory=dict)
+    log_findings: tuple[Finding, ...] = ()
+
+    @property
+    def barred(self) -> Finding | None:
+        """What the logs have that is to be mended before any effect is named; None for nothing."""
+        return next((each for each in self.log_findings if each.bars_names), None)
 
     @property
     def mended(self) -> dict[str, int]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.errors import InputError
+from recordings.checks import require_sound
 from testbench.effects import effects
 from testbench.excitation_file import write_excitation
 from testbench.files import require_writable
@@ -55,6 +56,7 @@ def diagnose_logs(
     robot = load_robot(model)
     masses = dict(_stated(each, run_names(logs)) for each in payloads)
     recordings = dict(zip(run_names(logs), read_runs(logs, robot, map_path), strict=True))
+    findings = require_sound(robot, recordings, logs)
     # Simulation and most of a design is outside the interpreter, and looks at nothing of the rest.
     with steps() as progress, ThreadPoolExecutor(1) as aside:
         as_given = aside.submit(gap_as_given, robot, recordings, jobs)
@@ -62,7 +64,7 @@ def diagnose_logs(
         aside.submit(import_module, ".report", __package__)
         with progress.step("diagnose"):
             try:
-                diagnosis = diagnose(robot, recordings, without, cutoff, masses)
+                diagnosis = diagnose(robot, recordings, without, cutoff, masses, findings)
             except InputError as error:
                 raise by_path(error, logs) from None
         with progress.step("corrected simulator"):

@@ -27,6 +27,8 @@ CORNER, CORNERS = 5.0, 40
 SEGMENT, SHORTEST, LONGEST = 0.15, 64, 512
 # Where a low-pass has taken it off, no torque sensor or drive of an arm is known to better than this share.
 LEAST_UNSEEN = 1e-3
+# A torque that repeats more often than this was not measured in between.
+HELD = 4
 # From this mean misfit of its logarithm on a density falls as no noise does: the log was low-passed before.
 LOW_PASSED = 0.7
 
@@ -100,25 +102,43 @@ def _quiet_band(run: Run) -> tuple[Array, NDArray[np.bool_]]:
     """
     rate, samples = run.logged.sample_rate, run.logged.samples
     short = min(max(SHORTEST, round(SEGMENT * rate)), samples)
-    frequency, torque = _density(run.logged.tau, rate, short)
-    _, residual = _density(run.logged.residual, rate, short)
+    measured = _measured(run.logged.tau)
+    frequency, torque = _density(run.logged.tau, measured, rate, short)
+    _, residual = _density(run.logged.residual, measured, rate, short)
     density = np.minimum(torque, residual)
     of_each = [_continued(run, joint, frequency, own) for joint, own in enumerate(density.T)]
     found, misfit = np.array(of_each).T
-    seen = misfit <= LOW_PASSED
+    seen = (misfit <= LOW_PASSED) & (measured.sum(axis=0) >= short)
     if not seen.all():
-        frequency, density = _density(run.logged.residual, rate, min(LONGEST, samples))
+        frequency, density = _density(run.logged.residual, measured, rate, min(LONGEST, samples))
         for joint in np.flatnonzero(~seen).tolist():
             found[joint], _ = _continued(run, joint, frequency, density[:, joint])
-    return found, seen
+    # What a log counts in it has rounded, by a twelfth of the step's square.
+    passed = np.array([float(np.sum(each.taps**2)) for each in run.filters])
+    return np.maximum(found, run.torque_step**2 / 12 * passed), seen
 
 
-def _density(values: Array, rate: float, length: int) -> tuple[Array, Array]:
-    """Frequencies (F,) Hz and density (F, n), the median over segments of so many samples.
+def _measured(torque: Array) -> NDArray[np.bool_]:
+    """The samples (N, n) that are not one value repeated more than HELD times, as held or zeroed ones are."""
+    found = np.ones(torque.shape, bool)
+    for joint, column in enumerate(torque.T):
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(column)) + 1, [len(column)]])
+        lengths = np.diff(edges)
+        found[:, joint] = np.repeat(lengths <= HELD, lengths)
+    return found
 
-    Reversals of friction are broadband but rare: the median is not moved by them.
+
+def _density(values: Array, measured: NDArray[np.bool_], rate: float, length: int) -> tuple[Array, Array]:
+    """Frequencies (F,) Hz and density (F, n), the median over segments of so many samples that were measured.
+
+    measured: (N, n); where hardly any were, all samples count. Reversals of friction are broadband but rare,
+    as seams are where samples were left out: the median is not moved by them.
     """
     frequency, density = signal.welch(values, rate, nperseg=length, axis=0, average="median")
+    for joint in np.flatnonzero(~measured.all(axis=0)).tolist():
+        kept = values[measured[:, joint], joint]
+        if len(kept) >= length:
+            _, density[:, joint] = signal.welch(kept, rate, nperseg=length, average="median")
     return frequency, density
 
 

@@ -11,13 +11,13 @@ from identification.differentiation import differentiate
 from identification.errors import InputError
 from identification.filtering import zero_phase_lowpass
 from identification.models import POSITION_BAND
+from recordings.checks.positions import require_plausible_motion
 from testbench.containment.json_text import read_bounded_json
 from testbench.effects import effect
 from testbench.effects.signature import Logged
 from testbench.files import require_writable
 from testbench.log import Recording, write_log
 from testbench.lost_samples import lost_samples, mended
-from testbench.plausible_log import check_motion
 from testbench.runs import by_path, read_motion
 from testbench.sampling import motion, on_grid
 from testbench.simulation import Reference
@@ -64,7 +64,7 @@ def predict(
     require_writable(out, log, Path(directory) / DOCUMENT)
     model = read_diagnosed(directory)
     recording = read_motion(log, model.chain, model.limits, map_path)
-    check_motion(recording, model.chain, model.limits, log)
+    require_plausible_motion(recording, model.chain, model.limits, log)
     try:
         predicted = predict_torque(model, recording)
     except InputError as error:

@@ -29,6 +29,7 @@ from identification.errors import InputError
 
 from . import standard_streams
 from .commands import blind, effects, study
+from .commands.check import check
 from .commands.comparison import compare, list_names, view
 from .commands.diagnosis import diagnose, loop, predict
 from .commands.identification import excite, identify, run, simulate
@@ -44,7 +45,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-for command in (run, excite, simulate, identify, diagnose, predict, loop, compare, view):
+for command in (run, excite, simulate, check, identify, diagnose, predict, loop, compare, view):
     app.command(command)
 app.command(import_recordings, name="import")
 app.command(list_names, name="list")

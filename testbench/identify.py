@@ -1,12 +1,14 @@
 """Identification of logged runs: files in, estimate.json and report.html out."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from identification.errors import InputError
 from identification.filtering import require_cutoff
 from identification.observations import POSITION_BAND
 from identification.pipeline import IdentificationOptions, identify
+from recordings.checks import require_sound
 
 from .closed_loop import recorded_loops
 from .estimate_file import write_estimate
@@ -42,6 +44,7 @@ def identify_logs(
         require_writable(identified_model, model, *paths)
     robot = load_robot(model)
     runs = read_runs(paths, robot, map_path)
+    findings = require_sound(robot, dict(zip(run_names(paths), runs, strict=True)), paths)
     for path, recording in zip(paths, runs, strict=True):
         _require_long_enough(path, recording, options)
     try:
@@ -54,6 +57,7 @@ def identify_logs(
     except InputError as error:
         # What simulates the runs, or stacks them, does not know their files.
         raise by_path(error, logs) from None
+    result = replace(result, log_findings=findings)
     write_estimate(result, out / "estimate.json")
     write_report(result, out / "report.html")
     if identified_model is not None:

@@ -20,10 +20,13 @@ from .containment.child import contained
 from .drive import SIGNALS, Drive, check_drive, drive_units, is_signed, read_drive
 from .files import replacing, require_file
 from .hdf5 import CheckedFile, opened, write_hdf5
+from .understood import in_order, in_seconds, spelled, without_gaps
 
 Array = NDArray[np.float64]
 
 FORMAT, VERSION, VERSION_OF_DRIVES = "robot-log", 1, 1.1
+# Where a recording's provenance keeps, in sentences, what was written otherwise but understood.
+UNDERSTOOD = "understood"
 CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "position_servo", "unknown")
 # Median sample interval against sample_rate: clocks of real robots jitter, but not on the whole.
 RATE_TOLERANCE = 0.01
@@ -242,7 +245,7 @@ def _read(name: str, with_truth: bool, with_torque: bool) -> Recording:
     """The recording in a file, read in this process."""
     path = Path(name)
     with opened(path) as file:
-        recording = _Reader(file, path).recording(with_truth, with_torque)
+        recording = _mended(_Reader(file, path).recording(with_truth, with_torque))
     check_recording(recording, path)
     return recording
 
@@ -281,16 +284,23 @@ class _Reader(CheckedFile):
             effects = json.loads(self.text(group, "effects")) if "effects" in group.attrs else []
             own = {name: f"truth/{name}" for name in group}
             truth = {name: self.numbers(place) for name, place in own.items() if self.is_dataset(place)}
+        rate, provenance = self.number(self.file, "sample_rate"), self._provenance()
+        units = self.units("time")
+        time, unit = in_seconds(self.numbers("time"), rate, spelled(units[0]))
+        if unit != "s":
+            provenance = _saying(provenance, f"time stamps are in {unit}: read as seconds")
+        elif spelled(units[0]) != "s":
+            time = self._values("time", "s", "s")
         return Recording(
             robot=self.text(self.file, "robot"),
             joint_names=self.joint_names,
-            sample_rate=self.number(self.file, "sample_rate"),
+            sample_rate=rate,
             source=self.text(self.file, "source"),
-            time=self._values("time", "s", "s"),
+            time=time,
             controller=self._controller() if self.has("controller") else None,
             truth=truth,
             truth_effects=effects,
-            provenance=self._provenance(),
+            provenance=provenance,
             is_slide=self.slides if any(self.slides) else (),
             unsigned=tuple(
                 name
@@ -322,7 +332,7 @@ class _Reader(CheckedFile):
     def _slides(self) -> tuple[bool, ...]:
         """Which joints slide, from the units of their positions; one unit stands for all joints."""
         n = len(self.joint_names)
-        units = self.units("joint/position")
+        units = tuple(spelled(unit) for unit in self.units("joint/position"))
         if len(units) not in (1, n) or not set(units) <= {"rad", "m"}:
             raise InputError(
                 self.path, "joint/position", "unit 'rad', 'm', or one of them a joint", list(units)
@@ -331,7 +341,7 @@ class _Reader(CheckedFile):
 
     def _values(self, name: str, hinge: str, slide: str) -> Array:
         """A dataset as float64, its unit checked."""
-        values, units = self.numbers(name), self.units(name)
+        values, units = self.numbers(name), tuple(spelled(unit) for unit in self.units(name))
         expected = [hinge] if hinge == slide else [slide if sliding else hinge for sliding in self.slides]
         if units != tuple(expected) and (len(set(expected)) > 1 or units != (expected[0],)):
             shown = expected if len(set(expected)) > 1 else repr(expected[0])
@@ -370,6 +380,63 @@ class _Reader(CheckedFile):
         except (InputError, ValueError, RecursionError):
             return {}
         return provenance if isinstance(provenance, dict) else {}
+
+
+def _saying(provenance: dict[str, Any], sentence: str) -> dict[str, Any]:
+    """A provenance with one more thing that was understood."""
+    before = provenance.get(UNDERSTOOD, [])
+    return provenance | {UNDERSTOOD: [*(before if isinstance(before, list) else []), sentence]}
+
+
+def _mended(recording: Recording) -> Recording:
+    """The recording with a few NaN in a row interpolated, and without channels that nobody filled."""
+    changed: dict[str, Any] = {}
+    provenance = recording.provenance
+    for name, channel, _, _ in CHANNELS:
+        values = getattr(recording, channel)
+        if values is None:
+            continue
+        if channel not in REQUIRED and values.size and np.isnan(values).all():
+            changed[channel] = None
+            provenance = _saying(provenance, f"{name} is NaN throughout: left out")
+            continue
+        filled, count = without_gaps(recording.time, values)
+        if count:
+            changed[channel] = filled
+            provenance = _saying(provenance, f"{name} has NaN in {count} samples: interpolated")
+    return replace(recording, provenance=provenance, **changed)
+
+
+def in_model_order(recording: Recording, joint_names: Sequence[str]) -> Recording:
+    """The recording with its joints in the model's order where they have its names in another."""
+    places = in_order(recording.joint_names, joint_names)
+    if places is None:
+        return recording
+    sorted_ = with_channels(recording, recording.time, lambda _, own: own[:, places])
+    controller = recording.controller
+    if controller is not None:
+        kp, kd = (None if gains is None else gains[places] for gains in (controller.kp, controller.kd))
+        controller = replace(controller, kp=kp, kd=kd)
+    drive = recording.drive
+    if drive is not None:
+        figures: dict[str, Any] = {name: values[places] for name, values in drive.figures().items()}
+        drive = replace(drive, **figures)
+    slides = tuple(recording.is_slide[place] for place in places) if recording.is_slide else ()
+    return replace(
+        sorted_,
+        joint_names=tuple(joint_names),
+        is_slide=slides,
+        controller=controller,
+        drive=drive,
+        provenance=_saying(
+            recording.provenance, "joints are in another order than the model's: sorted by name"
+        ),
+    )
+
+
+def saying(recording: Recording, sentence: str) -> Recording:
+    """The recording with one more thing that was understood of it, for its reader."""
+    return replace(recording, provenance=_saying(recording.provenance, sentence))
 
 
 def check_recording(recording: Recording, source: object) -> None:

@@ -61,10 +61,16 @@ def _refreshed(recording: Recording) -> Recording:
 def _between(recording: Recording, field: str) -> Array:
     """A channel (N, n) with what a slower bus repeats interpolated; as it is where none does."""
     values: Array = getattr(recording, field)
-    repeated = _repeated(values)
-    if np.mean(repeated) < OF_A_SLOWER_BUS:
+    repeated = held_by_a_bus(values)
+    if not repeated.any():
         return values
     return _filled(recording.time, values, repeated, field in SMOOTH)
+
+
+def held_by_a_bus(values: Array) -> Mask:
+    """Samples of a channel (N, n) that repeat what a slower bus brought; none where few repeat."""
+    repeated = _repeated(values)
+    return repeated if np.mean(repeated) >= OF_A_SLOWER_BUS else np.zeros(len(values), bool)
 
 
 def _repeated(values: Array) -> Mask:

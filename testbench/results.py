@@ -10,6 +10,7 @@ from identification.determination import Determination
 from identification.estimate import Estimate, TorqueFit
 from identification.shrinkage import Shrinkage
 from identification.statistics import EssentialParameters, ResidualTests
+from recordings.checks.finding import Finding
 
 from .log import Recording
 from .robot import Robot
@@ -42,7 +43,7 @@ class IdentificationResult:
     parameters that the data cannot do without. Both are None where the equations are not at hand. mended: how
     many samples of all logs were lost on the way, and are interpolated. given: the torque that the model as
     given predicts along the runs of fits and validations. bands, shrinkage, determination: as of
-    Identification.
+    Identification. log_findings: of the checks of the logs.
     """
 
     robot: Robot
@@ -59,6 +60,7 @@ class IdentificationResult:
     bands: Bands | None = None
     shrinkage: Shrinkage | None = None
     determination: Determination | None = None
+    log_findings: tuple[Finding, ...] = ()
 
     @property
     def needed(self) -> tuple[bool | None, ...]:

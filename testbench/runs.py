@@ -11,34 +11,29 @@ from identification.errors import InputError
 from recordings.door import Door, said
 from recordings.joints import joints_of
 
+from .degrees import in_radians
 from .drive import SIGNALS
-from .log import Recording
-from .plausible_log import check_motion, check_torque
+from .log import Recording, check_joints, in_model_order
 from .robot import Limits, Robot
 
 
 def read_runs(paths: Sequence[Path], robot: Robot, map_path: Path | None = None) -> list[Recording]:
     """The recordings of these logs, in their order; what was guessed of other formats is printed.
 
-    map_path: how recordings that are no robot-logs are read; else a map beside them, or a guess.
-    Raises InputError for a log whose joints are not the robot's, for what no robot does (see
-    plausible_log.py), for torques that are all zero, and for a run that is given twice, be it under another
-    name: no run may speak for itself as one that was left out.
+    map_path: how recordings that are no robot-logs are read; else a map beside them, or a guess. Joints in
+    another order are sorted by name, and positions in degrees converted. Raises InputError for a log whose
+    joints are not the robot's, and for a run that is given twice, be it under another name: no run may speak
+    for itself as one that was left out.
     """
     door = Door(joints_of(robot.chain, robot.limits), map_path)
     opened = [door.log(path) for path in paths]
     lines = said(opened, robot.path)
     recordings = []
     for path, each in zip(paths, opened, strict=True):
-        recording, note = _with_torque(each.recording, path)
-        recordings.append(recording)
+        recording, note = _with_torque(in_model_order(each.recording, robot.joint_names), path)
+        check_joints(recording, robot.joint_names, path)
+        recordings.append(in_radians(recording, robot))
         lines += note
-    for path, recording in zip(paths, recordings, strict=True):
-        check_motion(recording, robot.chain, robot.limits, path)
-        if not recording.torque.any():
-            got = f"0 at every sample of {', '.join(robot.joint_names)}"
-            raise InputError(path, "joint/torque", "joint torques that are not all zero", got)
-        check_torque(recording, robot.chain, robot.parameters, path)
     for later, path in enumerate(paths):
         for earlier in range(later):
             if _is_same(recordings[earlier], recordings[later]):

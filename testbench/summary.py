@@ -4,12 +4,15 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from recordings.checks.finding import Finding, Severity
+
 from .findings import headline, left_open, parameter_rows, significant, torque_error
 from .results import IdentificationResult
 from .terminal import WIDTH as WIDTH
 from .terminal import console
 
 LONGEST_NAME = 28
+COLOURS = {Severity.STOP: "bold red", Severity.WARN: "yellow", Severity.NOTE: "dim"}
 
 
 def print_summary(result: IdentificationResult) -> None:
@@ -19,8 +22,15 @@ def print_summary(result: IdentificationResult) -> None:
 
 def summary(result: IdentificationResult) -> Group:
     """The headline, the base parameters and the torque error a joint, to print with rich; 110 columns."""
+    found = [finding_line(each) for each in result.log_findings]
     remarks = (Text(remark) for remark in left_open(result))
-    return Group(Text(headline(result)), *remarks, _parameters(result), _torque(result))
+    return Group(*found, Text(headline(result)), *remarks, _parameters(result), _torque(result))
+
+
+def finding_line(finding: Finding) -> Text:
+    """A finding of the checks of the logs, its severity in colour."""
+    run = f"{finding.run}: " if finding.run else ""
+    return Text.assemble((f"{finding.severity:8}", COLOURS[finding.severity]), f"{run}{finding.sentence}")
 
 
 def _parameters(result: IdentificationResult) -> Table:

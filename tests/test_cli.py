@@ -313,7 +313,7 @@ def changed(source: Path, target: Path, change: Callable[[h5py.File], None]) -> 
 
 
 def put_nan(file: h5py.File) -> None:
-    file["joint/torque"][7, 1] = np.nan
+    file["joint/torque"][7:17, 1] = np.nan
 
 
 def other_joints(file: h5py.File) -> None:

@@ -36,6 +36,19 @@ def test_white_noise_of_the_torque_is_the_floor(arm):
     assert noise(prepared).rms == pytest.approx(_passed(prepared), rel=0.05)
 
 
+def test_torque_that_is_zero_at_rest_has_the_floor_of_what_was_measured(arm):
+    recorded = _recorded(arm)
+
+    def rested(run: Recording) -> Recording:
+        # A torque reported as exactly 0 in two thirds of the run.
+        torque = run.torque.copy()
+        torque[len(torque) // 3 :] = 0.0
+        return replace(run, torque=torque)
+
+    prepared = prepare(arm, {name: rested(run) for name, run in recorded.items()})
+    assert noise(prepared).rms == pytest.approx(_passed(prepared), rel=0.2)
+
+
 def test_noise_of_encoders_far_above_the_motion_is_no_floor(arm):
     """Differentiated twice it is most of the residual at 40 Hz, and next to nothing below the low-pass."""
     prepared = prepare(arm, _recorded(arm, encoder_bits=18))

@@ -54,6 +54,7 @@ def render(
         created=created,
         runs=[run.name for run in diagnosis.prepared.runs],
         sentence=diagnosis.sentence,
+        log_findings=diagnosis.log_findings,
         of_the_logs=[*words.differences(diagnosis), *words.late(diagnosis), *words.silent(diagnosis)],
         tiles=_tiles(diagnosis),
         where=plot("where", "", heat_map.where(diagnosis)) if densest else None,
@@ -112,7 +113,7 @@ def render(
         forward_failed=[] if forward is None else list(forward.failed.items()),
         experiment=next_experiment,
         unknown=diagnosis.verdict == "unknown",
-        misplaced=diagnosis.misplaced is not None,
+        barred=diagnosis.barred is not None,
         not_in_mjcf=list(not_in_mjcf),
         notes=[
             *diagnosis.notes,

@@ -3,6 +3,7 @@
 import numpy as np
 from rich.text import Text
 
+from testbench.summary import finding_line
 from testbench.terminal import console
 
 from ..discrimination import NextExperiment
@@ -21,6 +22,7 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
     """Verdict, where, which, how far and what next, at most ten lines."""
     robot, gap = diagnosis.robot, diagnosis.gap
     lines = [Text(diagnosis.sentence, style="bold")]
+    lines += [finding_line(each) for each in diagnosis.log_findings if not each.bars_names]
     if where := words.where(diagnosis):
         lines.append(_line("where", where))
     for each in diagnosis.effects[:MOST_EFFECTS]:
@@ -56,7 +58,8 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
     lines.append(_line("gap", f"{told}, {words.noise_floor(diagnosis)}{closed}"))
     if next_experiment is not None:
         lines.append(_line("next", next_experiment.why))
-    return Text("\n").join(lines[:MOST_LINES])
+    most = MOST_LINES + sum(not each.bars_names for each in diagnosis.log_findings)
+    return Text("\n").join(lines[:most])
 
 
 def _line(label: str, text: str) -> Text:

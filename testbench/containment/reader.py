@@ -67,7 +67,8 @@ def serve(parent: int) -> None:
     # Meanwhile the parent imports what it needs.
     importlib.import_module("testbench.log")
     importlib.import_module("mujoco")
-    # What is looked up when a text is decoded, at a time when no file can be opened.
+    # What a median, and a text that is decoded, load at a time when no file can be opened.
+    importlib.import_module("numpy.ma")
     for codec in CODECS:
         codecs.lookup(codec)
     with contextlib.suppress(BrokenMessageError, BrokenPipeError):

@@ -78,6 +78,7 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
         created=created,
         headline=headline(result),
         left_open=left_open(result),
+        log_findings=result.log_findings,
         tiles=_tiles(result, fit, validation),
         joints=[
             {

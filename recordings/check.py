@@ -1,0 +1,89 @@
+"""The job behind ``check``: a model and logs in, what is to be known of them out."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console, Group
+from rich.text import Text
+
+from testbench.log import Recording
+from testbench.robot import Robot, load_robot
+from testbench.runs import read_runs, run_names
+from testbench.summary import WIDTH, finding_line
+
+from .checks import Finding, Severity, run_checks
+
+
+def check_logs(model: Path, logs: Sequence[Path], as_json: bool = False) -> tuple[Finding, ...]:
+    """Check the logs against the model and print what is found. Raises InputError for unreadable files."""
+    robot = load_robot(model)
+    recordings = dict(zip(run_names(logs), read_runs(logs, robot), strict=True))
+    found = run_checks(robot, recordings)
+    if as_json:
+        print(json.dumps(document(robot, recordings, found), indent=2, ensure_ascii=False))
+        return found
+    console = Console()
+    if not console.is_terminal:
+        console.width = WIDTH
+    console.print(in_lines(robot, recordings, found), soft_wrap=True)
+    return found
+
+
+def document(robot: Robot, recordings: Mapping[str, Recording], found: Sequence[Finding]) -> dict[str, Any]:
+    """The findings and the figures of each run, for machines."""
+    return {
+        "robot": robot.name,
+        "joint_names": list(robot.joint_names),
+        "runs": [_figures(name, each) for name, each in recordings.items()],
+        "sound": not any(each.severity is Severity.STOP for each in found),
+        "findings": [asdict(each) for each in found],
+    }
+
+
+def _figures(name: str, recording: Recording) -> dict[str, Any]:
+    return {
+        "name": name,
+        "seconds": float(recording.time[-1] - recording.time[0]),
+        "samples": len(recording.time),
+        "sample_rate": recording.sample_rate,
+        "position_min": recording.position.min(axis=0).tolist(),
+        "position_max": recording.position.max(axis=0).tolist(),
+        "torque_rms": np.sqrt(np.mean(recording.torque**2, axis=0)).tolist(),
+        "torque_max": np.abs(recording.torque).max(axis=0).tolist(),
+    }
+
+
+def in_lines(robot: Robot, recordings: Mapping[str, Recording], found: Sequence[Finding]) -> Group:
+    """What was recorded in a line, ranges and torques in a line each, and the findings, the gravest first."""
+    seconds = sum(float(each.time[-1] - each.time[0]) for each in recordings.values())
+    rates = sorted(each.sample_rate for each in recordings.values())
+    at = " and ".join(dict.fromkeys(f"{rate:.4g} Hz" for rate in rates))
+    count = f"{len(recordings)} run" + ("s" if len(recordings) > 1 else "")
+    position = np.concatenate([each.position for each in recordings.values()])
+    torque = np.concatenate([each.torque for each in recordings.values()])
+    ways = ", ".join(
+        f"{name} {low:.2f} to {high:.2f}"
+        for name, low, high in zip(robot.joint_names, position.min(axis=0), position.max(axis=0), strict=True)
+    )
+    rms = np.sqrt(np.mean(torque**2, axis=0))
+    torques = ", ".join(
+        f"{name} {own:.3g}{_of_limit(own, limit)}"
+        for name, own, limit in zip(robot.joint_names, rms, robot.limits.torque, strict=True)
+    )
+    lines = [
+        Text(f"{robot.name}: {count}, {seconds:.3g} s at {at}, {robot.joints} joints", style="bold"),
+        Text.assemble(("position", "dim"), f" rad (m): {ways}"),
+        Text.assemble(("torque  ", "dim"), f" N·m (N), RMS: {torques}"),
+        *(finding_line(each) for each in found),
+    ]
+    if not found:
+        lines.append(Text("nothing stands out", style="green"))
+    return Group(*lines)
+
+
+def _of_limit(rms: float, limit: float) -> str:
+    return f" ({rms / limit:.0%} of its limit)" if np.isfinite(limit) and limit > 0 else ""

@@ -1,0 +1,172 @@
+"""How well a model explains samples under a convention, by masses, rotors and friction that it may have.
+
+The parameters are Gaussian about the model's, as wide as CAD and data sheets are off
+(identification/prior.py); what they leave at a joint has its own variance. The logarithm of the likelihood,
+with the parameters integrated out (MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992), compares
+conventions: a model that is a little wrong everywhere costs little, one that must be bent far costs much.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from identification.inverse_dynamics import inverse_dynamics
+from identification.parameters import ARMATURE, COULOMB, PER_JOINT, VISCOUS
+from identification.prior import parameter_widths
+from identification.regressor import regressor
+from identification.springs import spring_torque
+from testbench.robot import Robot
+
+from .convention import Convention, chain_of, read_by
+from .samples import Samples
+
+Array = NDArray[np.float64]
+
+# What no model explains of a joint's torque at best: its share, RMS.
+LEAST_LEFT = 0.02
+# Samples are as many as their band and time allow, and no more than this: what a model lacks is no noise.
+PER_SECOND, MOST_INDEPENDENT = 2.0, 40.0
+# A joint needs so many samples in motion to count.
+FEWEST = 12
+# Of a parameter's width: it is as good as known.
+NEXT_TO_NONE = 1e-3
+# N·m (N), RMS, where nothing is known of a torque.
+LEAST_TORQUE = 1e-9
+# rad/s and rad/s² (m/s, m/s²), RMS, that a joint which hardly moves is taken to have.
+SLOWEST = 1e-3
+# Rounds between parameters and variances, and where they have settled.
+ITERATIONS, SETTLED = 10, 0.03
+
+
+@dataclass(frozen=True)
+class Explained:
+    """evidence: logarithm. left: (n,) share of each joint's torque, RMS, that is left; NaN where none counts.
+
+    parameters: (14 n,), the likeliest. bent: by how many widths the parameters are off, all together, a
+    joint.
+    """
+
+    evidence: float
+    left: Array
+    parameters: Array
+    bent: float
+
+
+class ModelFit:
+    """A robot's model and samples of its logs. Joints that hardly move do not count."""
+
+    def __init__(self, robot: Robot, samples: Samples):
+        self.robot, self.samples = robot, samples
+        self.torque_rms = np.sqrt(np.mean(samples.torque**2, axis=0))
+        model = self.model(samples)
+        rms = np.sqrt(np.mean(model**2, axis=0))
+        # A joint that the model has no torque of is judged by what is measured there.
+        self.typical: Array = np.asarray(rms, dtype=np.float64)
+        self.typical[rms == 0] = np.maximum(self.torque_rms, LEAST_TORQUE)[rms == 0]
+        speed, acceleration = (
+            np.maximum(np.sqrt(np.mean(each**2, axis=0)), SLOWEST) for each in (samples.dq, samples.ddq)
+        )
+        self.widths: Array = parameter_widths(robot.parameters, self.typical, speed, acceleration)
+        self._products: dict[Convention, _Products] = {}
+        self.independent = min(PER_SECOND * samples.seconds, MOST_INDEPENDENT, len(samples.q))
+
+    def model(self, samples: Samples, convention: Convention | None = None) -> Array:
+        """The torque (M, n) of the model as given along samples that are read already."""
+        chain = self.robot.chain if convention is None else chain_of(self.robot.chain, convention)
+        return inverse_dynamics(chain, self.robot.parameters, samples.q, samples.dq, samples.ddq, threads=1)
+
+    def without_friction_and_rotors(self) -> "ModelFit":
+        """The same with a model that surely has neither, as torque between drive and link has it."""
+        table = self.robot.parameters.reshape(-1, PER_JOINT).copy()
+        widths = self.widths.reshape(-1, PER_JOINT).copy()
+        table[:, [ARMATURE, VISCOUS, COULOMB]] = 0.0
+        widths[:, [ARMATURE, VISCOUS, COULOMB]] *= NEXT_TO_NONE
+        fit = ModelFit(replace(self.robot, parameters=table.ravel()), self.samples)
+        fit.widths = widths.ravel()
+        return fit
+
+    def under(self, convention: Convention) -> Explained:
+        """How well the model explains the samples if the log counts by this convention."""
+        n = self.robot.joints
+        as_logged = replace(convention, torque_sign=(1.0,) * n, scale=(1.0,) * n)
+        if as_logged not in self._products:
+            self._products.clear()
+            self._products[as_logged] = self._regressed(as_logged)
+        at, left = self._products[as_logged], np.full(n, np.nan)
+        if not len(at.joints):
+            return Explained(0.0, left, self.robot.parameters, 0.0)
+        scale = np.array(convention.scale)[at.joints]
+        factor = np.array(convention.torque_sign)[at.joints] / scale
+        # Of torque over its factor, less the model's.
+        b = factor[:, None] * at.torque_products - at.model_products
+        c = factor**2 * at.torque_square - 2 * factor * at.both + at.model_square
+        floors = (LEAST_LEFT * at.torque_rms / scale) ** 2
+        weight, variance = (
+            self.independent * at.samples / len(self.samples.q),
+            np.maximum(c / at.samples, floors),
+        )
+        for _ in range(ITERATIONS):
+            each = weight / at.samples / variance
+            a = np.tensordot(each, at.grams, axes=1) + np.eye(at.grams.shape[1])
+            factorised = cho_factor(a)
+            z = cho_solve(factorised, each @ b)
+            rest = np.maximum(c - 2 * b @ z + np.einsum("jik,i,k->j", at.grams, z, z), 0.0)
+            before, variance = variance, np.maximum(rest / at.samples, floors)
+            if np.allclose(before, variance, rtol=SETTLED):
+                break
+        log_determinant = 2 * float(np.sum(np.log(np.diag(factorised[0]))))
+        fits = -weight * (0.5 * np.log(variance) + np.log(scale) + 0.5 * rest / at.samples / variance)
+        evidence = float(fits.sum()) - 0.5 * float(z @ z) - 0.5 * log_determinant
+        left[at.joints] = np.sqrt(rest / at.samples) * scale / at.torque_rms
+        bent = float(np.sqrt(z @ z / len(at.joints)))
+        return Explained(evidence, left, self.robot.parameters + self.widths * z, bent)
+
+    def _regressed(self, convention: Convention) -> "_Products":
+        """The products that a fit needs, of the joints that count."""
+        chain, read = chain_of(self.robot.chain, convention), read_by(self.samples, convention)
+        rows = regressor(chain, read.q, read.dq, read.ddq, threads=1)
+        model = rows @ self.robot.parameters + spring_torque(chain.springs, read.q)
+        power = np.sum(np.where(read.moves, read.torque, 0.0) ** 2, axis=0)
+        joints = np.flatnonzero((read.moves.sum(axis=0) >= FEWEST) & (power > 0))
+        grams, torque_products, model_products = [], [], []
+        figures = np.zeros((4, len(joints)))
+        for index, joint in enumerate(joints.tolist()):
+            used = read.moves[:, joint]
+            x, torque, own = rows[used, joint] * self.widths, read.torque[used, joint], model[used, joint]
+            grams.append(x.T @ x)
+            torque_products.append(x.T @ torque)
+            model_products.append(x.T @ own)
+            figures[:, index] = len(torque), torque @ torque, torque @ own, own @ own
+        shape = (len(joints), len(self.widths))
+        return _Products(
+            joints,
+            np.array(grams).reshape(*shape, shape[1]),
+            np.array(torque_products).reshape(shape),
+            np.array(model_products).reshape(shape),
+            *figures,
+        )
+
+
+@dataclass(frozen=True)
+class _Products:
+    """Products of the scaled regressors and the torques of the joints that count, (k,) each.
+
+    grams: (k, 14 n, 14 n). torque_products, model_products: (k, 14 n), with the torque and with the model's.
+    samples: in motion. torque_square, both, model_square: of both torques.
+    """
+
+    joints: NDArray[np.int64]
+    grams: Array
+    torque_products: Array
+    model_products: Array
+    samples: Array
+    torque_square: Array
+    both: Array
+    model_square: Array
+
+    @property
+    def torque_rms(self) -> Array:
+        """(k,) as logged."""
+        return np.sqrt(self.torque_square / self.samples)
