@@ -11,6 +11,8 @@ from identification.chain import Chain, chain_from_model
 from identification.errors import InputError
 
 from .files import require_file
+from .model_reading.limits import VELOCITY, Limits, model_limits, rated_by_numerics
+from .model_reading.urdf import urdf_numerics, urdf_root, urdf_speeds
 from .unmodelled_forces import unmodelled_forces
 
 Array = NDArray[np.float64]
@@ -19,20 +21,6 @@ Array = NDArray[np.float64]
 EFFECTS_WRITTEN = "effects_written"
 # Forces that a refusal names.
 NAMED_FORCES = 3
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What the joints may do; each (n,), SI units at the joint, inf where the model sets no limit.
-
-    lower, upper: position, rad (m). velocity: rad/s. acceleration: rad/s². torque: N·m (N).
-    """
-
-    lower: Array
-    upper: Array
-    velocity: Array
-    acceleration: Array
-    torque: Array
 
 
 @dataclass(frozen=True)
@@ -70,9 +58,9 @@ def load_robot(path: str | Path) -> Robot:
     """Read an MJCF, or a URDF that MuJoCo reads.
 
     Joint limits come from ``range`` and ``actuatorfrcrange`` (or the ``ctrlrange``/``forcerange``
-    of a motor on the joint); velocity and acceleration limits, which MJCF has no field for, from
-    ``<custom><numeric name="velocity_limit" data="..."/>`` and ``acceleration_limit``, rad/s and
-    rad/s², one value a joint. Raises InputError, also for a model with forces that would be ignored.
+    of a motor on the joint), rated speeds from a URDF's ``<limit velocity>``. What neither format has a
+    field for comes from ``<custom><numeric name="velocity_limit" data="..."/>`` and ``acceleration_limit``,
+    rad/s and rad/s², one value a joint. Raises InputError, also for forces that would be ignored.
     """
     path = Path(path)
     require_file(path, "model", "an existing MJCF or URDF file")
@@ -84,7 +72,7 @@ def load_robot(path: str | Path) -> Robot:
     try:
         chain, parameters = chain_from_model(model)
         _require_known_forces(model)
-        limits = _limits(model)
+        limits = model_limits(model, _rated(model, path))
     except InputError as error:
         raise error.located(path) from None
     name = model.names[: model.names.index(b"\0")].decode() or path.stem
@@ -112,64 +100,19 @@ def _leave_no_log_file() -> None:
     mujoco.MjLogConfig.set(config)
 
 
-def _limits(model: mujoco.MjModel) -> Limits:
-    n = model.njnt
-    limited = np.asarray(model.jnt_limited, dtype=bool)
-    lower = np.where(limited, model.jnt_range[:, 0], -np.inf)
-    upper = np.where(limited, model.jnt_range[:, 1], np.inf)
-    return Limits(
-        lower=lower,
-        upper=upper,
-        velocity=_numeric(model, "velocity_limit", n),
-        acceleration=_numeric(model, "acceleration_limit", n),
-        torque=_torque_limits(model),
-    )
+def _rated(model: mujoco.MjModel, path: Path) -> dict[str, dict[str, float]]:
+    """Rated speeds and accelerations by joint: a URDF's own, and those of custom numerics before them."""
+    joints = tuple(model.joint(joint).name for joint in range(model.njnt))
+    root = urdf_root(path)
+    if root is None:
+        return rated_by_numerics(_numerics(model), joints)
+    speeds = {VELOCITY: urdf_speeds(root)}
+    return speeds | rated_by_numerics(urdf_numerics(root), joints)
 
 
-def _numeric(model: mujoco.MjModel, name: str, n: int) -> Array:
-    """The custom numeric of that name, (n,), or inf where the model has none."""
-    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name)
-    if index < 0:
-        return np.full(n, np.inf)
-    start, size = model.numeric_adr[index], model.numeric_size[index]
-    values = np.array(model.numeric_data[start : start + size])
-    if size != n or not np.all(values > 0):
-        raise InputError(
-            "model", f"custom numeric {name}", f"{n} positive values, one a joint", values.tolist()
-        )
-    return values
-
-
-def _torque_limits(model: mujoco.MjModel) -> Array:
-    """Symmetric torque limit a joint, (n,) N·m: the joint's own, its actuators' and its motors' controls'."""
-    torque = np.full(model.njnt, np.inf)
-    for joint in range(model.njnt):
-        if model.jnt_actfrclimited[joint]:
-            torque[joint] = _least(model.jnt_actfrcrange[joint])
-    for actuator in range(model.nactuator):
-        if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT:
-            continue
-        joint = int(model.actuator_trnid[actuator, 0])
-        gear = abs(float(model.actuator_gear[actuator, 0]))
-        if model.actuator_forcelimited[actuator]:
-            torque[joint] = min(torque[joint], gear * _least(model.actuator_forcerange[actuator]))
-        control = int(model.actuator_ctrladr[actuator])
-        if _is_motor(model, actuator) and model.actuator_ctrllimited[control]:
-            gain = abs(float(model.actuator_gainprm[actuator, 0]))
-            torque[joint] = min(torque[joint], gear * gain * _least(model.actuator_ctrlrange[control]))
-    return torque
-
-
-def _is_motor(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether an actuator's control is a torque: that of a servo is where to go, or how fast."""
-    return (
-        model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
-        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-        and model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
-        and model.actuator_ctrlnum[actuator] == 1
-    )
-
-
-def _least(bounds: Array) -> float:
-    """The bound (2,) that is nearer to zero, by its size."""
-    return float(np.abs(bounds).min())
+def _numerics(model: mujoco.MjModel) -> dict[str, Array]:
+    starts, sizes = model.numeric_adr, model.numeric_size
+    return {
+        model.numeric(index).name: np.array(model.numeric_data[starts[index] : starts[index] + sizes[index]])
+        for index in range(model.nnumeric)
+    }

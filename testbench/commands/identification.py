@@ -32,6 +32,11 @@ def excite(
     base_frequency: Annotated[float, Parameter(help="Hz; the motion repeats at this rate")] = 0.1,
     starts: Annotated[int, Parameter(help="seeded restarts")] = 3,
     limit_share: Annotated[float, Parameter(help="share of the model's limits to use, 0 to 1")] = 0.9,
+    velocity_limit: Annotated[
+        float | None,
+        Parameter(help="rad/s (m/s), of joints whose model rates no speed; 1 rad/s, 0.25 m/s when not given"),
+    ] = None,
+    clearance: Annotated[float, Parameter(help="m to keep between parts, and to the floor")] = 0.03,
     seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
@@ -48,7 +53,7 @@ def excite(
         limit_share=limit_share,
         seed=seed,
     )
-    excite_model(model, out, criterion, options, jobs)
+    excite_model(model, out, criterion, options, jobs, velocity_limit, clearance)
 
 
 def simulate(
