@@ -1,7 +1,9 @@
 """A robot as its MJCF (or URDF) tells it: names, limits, chain and ground truth."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,8 +13,8 @@ from identification.chain import Chain, chain_from_model
 from identification.errors import InputError
 
 from .files import require_file
-from .model_reading.limits import VELOCITY, Limits, model_limits, rated_by_numerics
-from .model_reading.urdf import urdf_numerics, urdf_root, urdf_speeds
+from .model_reading.limits import Limits, model_limits
+from .model_reading.reading import Source, read_model
 from .unmodelled_forces import unmodelled_forces
 
 Array = NDArray[np.float64]
@@ -27,17 +29,27 @@ NAMED_FORCES = 3
 class Robot:
     """A model on disk and what was read from it.
 
-    name: the MJCF's model name. path: the file. model: compiled MuJoCo model.
-    chain: kinematics. parameters: (14 n,) standard parameters of the model itself.
-    limits: joint limits.
+    name: the model's own. source: the file, and what of it is the robot. model: compiled MuJoCo model.
+    chain: kinematics. parameters: (14 n,) standard parameters of the model itself. limits: joint limits.
+    notes: sentences on what of the file was held still, ignored, left out or changed.
     """
 
     name: str
-    path: Path
+    source: Source
     model: mujoco.MjModel
     chain: Chain
     parameters: Array
     limits: Limits
+    notes: tuple[str, ...] = ()
+
+    @property
+    def path(self) -> Path:
+        """The model's file."""
+        return self.source.path
+
+    def spec(self) -> Any:
+        """The robot as an MjSpec of its own, read anew: what was held still has no joint in it."""
+        return read_model(self.source).spec
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -54,8 +66,17 @@ class Robot:
         return tuple("N" if slide else "N·m" for slide in self.chain.is_slide)
 
 
-def load_robot(path: str | Path) -> Robot:
-    """Read an MJCF, or a URDF that MuJoCo reads.
+def load_robot(
+    path: str | Path,
+    joints: Sequence[str] | None = None,
+    fix_base: bool = False,
+    packages: Mapping[str, Path] | None = None,
+) -> Robot:
+    """Read an MJCF, a URDF, or a .xacro where the xacro package is installed.
+
+    joints: names of those that move, in any order; all others are held still where the model's keyframe or
+    zero has them, and their mass counts. None: all but a gripper's. fix_base: hold a floating base, which
+    is also held where joints that it carries are named. packages: folders of ROS packages by name.
 
     Joint limits come from ``range`` and ``actuatorfrcrange`` (or the ``ctrlrange``/``forcerange``
     of a motor on the joint), rated speeds from a URDF's ``<limit velocity>``. What neither format has a
@@ -64,19 +85,18 @@ def load_robot(path: str | Path) -> Robot:
     """
     path = Path(path)
     require_file(path, "model", "an existing MJCF or URDF file")
-    try:
-        _leave_no_log_file()
-        model = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError) as error:
-        raise InputError(path, "model", "XML that MuJoCo loads", str(error)) from None
+    _leave_no_log_file()
+    source = Source(path, None if joints is None else tuple(joints), fix_base, dict(packages or {}))
+    read = read_model(source)
+    model = read.model
     try:
         chain, parameters = chain_from_model(model)
         _require_known_forces(model)
-        limits = model_limits(model, _rated(model, path))
+        limits = model_limits(model, read.rated)
     except InputError as error:
         raise error.located(path) from None
     name = model.names[: model.names.index(b"\0")].decode() or path.stem
-    return Robot(name, path, model, chain, parameters, limits)
+    return Robot(name, source, model, chain, parameters, limits, read.notes)
 
 
 def _require_known_forces(model: mujoco.MjModel) -> None:
@@ -98,21 +118,3 @@ def _leave_no_log_file() -> None:
     config = mujoco.MjLogConfig.get()
     config.logto_file = False
     mujoco.MjLogConfig.set(config)
-
-
-def _rated(model: mujoco.MjModel, path: Path) -> dict[str, dict[str, float]]:
-    """Rated speeds and accelerations by joint: a URDF's own, and those of custom numerics before them."""
-    joints = tuple(model.joint(joint).name for joint in range(model.njnt))
-    root = urdf_root(path)
-    if root is None:
-        return rated_by_numerics(_numerics(model), joints)
-    speeds = {VELOCITY: urdf_speeds(root)}
-    return speeds | rated_by_numerics(urdf_numerics(root), joints)
-
-
-def _numerics(model: mujoco.MjModel) -> dict[str, Array]:
-    starts, sizes = model.numeric_adr, model.numeric_size
-    return {
-        model.numeric(index).name: np.array(model.numeric_data[starts[index] : starts[index] + sizes[index]])
-        for index in range(model.nnumeric)
-    }

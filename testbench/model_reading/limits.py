@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -9,8 +10,12 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
+from .selection import joint_label
+
 Array = NDArray[np.float64]
 VELOCITY, ACCELERATION = "velocity_limit", "acceleration_limit"
+# In a numeric, no limit: MuJoCo writes no infinity (mjMAXVAL).
+NO_LIMIT = 1e10
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,7 @@ def model_limits(model: mujoco.MjModel, rated: Mapping[str, Mapping[str, float]]
     ``forcerange`` of an actuator on the joint, and the ``ctrlrange`` of a motor on it.
     """
     limited = np.asarray(model.jnt_limited, dtype=bool)
-    names = [model.joint(joint).name for joint in range(model.njnt)]
+    names = [joint_label(model, joint) for joint in range(model.njnt)]
     velocity, acceleration = (
         np.array([rated.get(kind, {}).get(name, np.inf) for name in names])
         for kind in (VELOCITY, ACCELERATION)
@@ -61,8 +66,20 @@ def rated_by_numerics(numerics: Mapping[str, Array], joints: tuple[str, ...]) ->
         if len(values) != len(joints) or not np.all(values > 0):
             expected = f"{len(joints)} positive values, one a joint"
             raise InputError("model", f"custom numeric {kind}", expected, values.tolist())
-        rated[kind] = dict(zip(joints, values.tolist(), strict=True))
+        limited = zip(joints, values.tolist(), strict=True)
+        rated[kind] = {joint: value for joint, value in limited if value < NO_LIMIT}
     return rated
+
+
+def write_numerics(spec: Any, rated: Mapping[str, Mapping[str, float]], joints: tuple[str, ...]) -> None:
+    """Put rated speeds and accelerations into an MjSpec as custom numerics, one value a joint."""
+    for numeric in list(spec.numerics):
+        if numeric.name in (VELOCITY, ACCELERATION):
+            spec.delete(numeric)
+    for kind, by_joint in rated.items():
+        if any(joint in by_joint for joint in joints):
+            values = [by_joint.get(joint, NO_LIMIT) for joint in joints]
+            spec.add_numeric(name=kind, data=values, size=len(values))
 
 
 def _torque_limits(model: mujoco.MjModel) -> Array:
