@@ -9,8 +9,10 @@ from identification.errors import InputError
 from testbench.effects import effects
 from testbench.excitation_file import write_excitation
 from testbench.files import require_writable
+from testbench.log import logged_joints
+from testbench.model_reading.reading import Choice
 from testbench.progress import steps
-from testbench.robot import load_robot
+from testbench.robot import load_robot, print_notes
 from testbench.runs import by_path, read_runs, run_names
 
 from .diagnose import diagnose
@@ -29,10 +31,12 @@ def diagnose_logs(
     without: Sequence[str] = (),
     seed: int = 0,
     jobs: int | None = None,
+    choice: Choice | None = None,
 ) -> tuple[Diagnosis, NextExperiment | None]:
     """Diagnose the logs against the model; write everything to ``out``.
 
-    without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. Leaves
+    without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. choice: of the
+    model; the logs' joints are the robot's where it names none. Leaves
     corrected.xml, report.html, session.rrd, next_experiment.json where one helps, and diagnosis.json,
     which is written last. Raises InputError.
     """
@@ -40,7 +44,8 @@ def diagnose_logs(
         if name not in effects():
             raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())
     require_writable(out / DOCUMENT)
-    robot = load_robot(model)
+    robot = load_robot(model, choice, logged_joints(logs[0]))
+    print_notes(robot)
     recordings = dict(zip(run_names(logs), read_runs(logs, robot), strict=True))
     # Simulation and most of a design is outside the interpreter, and looks at nothing of the rest.
     with steps() as progress, ThreadPoolExecutor(1) as aside:

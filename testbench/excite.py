@@ -17,8 +17,9 @@ from .design_limits import design_limits
 from .excitation_file import write_excitation
 from .files import require_writable
 from .model_reading.limits import Limits
+from .model_reading.reading import Choice
 from .progress import Step, steps
-from .robot import Robot, load_robot
+from .robot import Robot, load_robot, print_notes
 
 # Collision geoms are snug: what lies between them and the exterior, and the tracking error.
 CLEARANCE = 0.03
@@ -56,13 +57,15 @@ def excite_model(
     jobs: int | None,
     velocity_limit: float | None = None,
     clearance: float = CLEARANCE,
+    choice: Choice | None = None,
 ) -> Excitation:
     """Design an excitation for a model, write it to ``out`` as JSON and print its criteria and peaks.
 
-    velocity_limit, clearance: as for ``design_room``. Raises InputError.
+    velocity_limit, clearance: as for ``design_room``. choice: of the model. Raises InputError.
     """
     require_writable(out, model)
-    robot = load_robot(model)
+    robot = load_robot(model, choice)
+    print_notes(robot)
     room = design_room(robot, velocity_limit, clearance)
     with steps() as progress, progress.step("design") as step:
         excitation = design(robot, room, criterion, options, jobs, step)

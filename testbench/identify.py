@@ -11,12 +11,13 @@ from identification.pipeline import IdentificationOptions, identify
 from .closed_loop import recorded_loops
 from .estimate_file import write_estimate
 from .files import require_writable
-from .log import Recording
+from .log import Recording, logged_joints
 from .lost_samples import lost_samples, mended
 from .model_file import write_model
+from .model_reading.reading import Choice
 from .report import write_report
 from .results import IdentificationResult
-from .robot import Robot, load_robot
+from .robot import Robot, load_robot, print_notes
 from .runs import by_path, read_runs, run_names
 from .sampling import motion
 from .summary import print_summary
@@ -29,16 +30,19 @@ def identify_logs(
     out: Path,
     options: IdentificationOptions,
     identified_model: Path | None = None,
+    choice: Choice | None = None,
 ) -> IdentificationResult:
     """Identify the logs, write DIR/estimate.json and DIR/report.html, print the summary.
 
-    identified_model: MJCF to write with the nearest physically consistent parameters. Raises InputError.
+    identified_model: MJCF to write with the nearest physically consistent parameters. choice: of the
+    model; the logs' joints are the robot's where it names none. Raises InputError.
     """
     paths = [*logs, *validation_logs]
     require_writable(out / "estimate.json")
     if identified_model is not None:
         require_writable(identified_model, model, *paths)
-    robot = load_robot(model)
+    robot = load_robot(model, choice, logged_joints(paths[0]))
+    print_notes(robot)
     runs = read_runs(paths, robot)
     for path, recording in zip(paths, runs, strict=True):
         _require_long_enough(path, recording, options)

@@ -111,6 +111,15 @@ def check_joints(recording: Recording, joint_names: Sequence[str], source: objec
         raise InputError(source, "joint_names", expected, list(recording.joint_names))
 
 
+def logged_joints(path: str | Path) -> tuple[str, ...] | None:
+    """The joints that a robot-log names, None for another file; what is wrong with it ``read_log`` says."""
+    try:
+        with h5py.File(path, "r") as file:
+            return _Reader(file, Path(path)).joint_names
+    except (OSError, InputError):
+        return None
+
+
 def write_log(recording: Recording, path: str | Path) -> None:
     """Write a robot-log so that ``path`` holds either the whole log or what it held before.
 

@@ -1,6 +1,6 @@
 """A robot as its MJCF (or URDF) tells it: names, limits, chain and ground truth."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from identification.errors import InputError
 
 from .files import require_file
 from .model_reading.limits import Limits, model_limits
-from .model_reading.reading import Source, read_model
+from .model_reading.reading import Choice, Source, read_model
 from .unmodelled_forces import unmodelled_forces
 
 Array = NDArray[np.float64]
@@ -47,6 +47,11 @@ class Robot:
         """The model's file."""
         return self.source.path
 
+    @property
+    def described(self) -> str:
+        """The file's name, and in brackets what of it is not the robot as it is."""
+        return f"{self.path.name} ({'; '.join(self.notes)})" if self.notes else self.path.name
+
     def spec(self) -> Any:
         """The robot as an MjSpec of its own, read anew: what was held still has no joint in it."""
         return read_model(self.source).spec
@@ -66,17 +71,12 @@ class Robot:
         return tuple("N" if slide else "N·m" for slide in self.chain.is_slide)
 
 
-def load_robot(
-    path: str | Path,
-    joints: Sequence[str] | None = None,
-    fix_base: bool = False,
-    packages: Mapping[str, Path] | None = None,
-) -> Robot:
+def load_robot(path: str | Path, choice: Choice | None = None, logged: Sequence[str] | None = None) -> Robot:
     """Read an MJCF, a URDF, or a .xacro where the xacro package is installed.
 
-    joints: names of those that move, in any order; all others are held still where the model's keyframe or
-    zero has them, and their mass counts. None: all but a gripper's. fix_base: hold a floating base, which
-    is also held where joints that it carries are named. packages: folders of ROS packages by name.
+    choice: which joints move. logged: the joints of the logs at hand, which move where choice names none. All
+    others are held still where the model's keyframe or zero has them, and their mass counts. Where neither
+    names any, all move but a gripper's.
 
     Joint limits come from ``range`` and ``actuatorfrcrange`` (or the ``ctrlrange``/``forcerange``
     of a motor on the joint), rated speeds from a URDF's ``<limit velocity>``. What neither format has a
@@ -86,7 +86,7 @@ def load_robot(
     path = Path(path)
     require_file(path, "model", "an existing MJCF or URDF file")
     _leave_no_log_file()
-    source = Source(path, None if joints is None else tuple(joints), fix_base, dict(packages or {}))
+    source = Source(path, choice or Choice(), None if logged is None else tuple(logged))
     read = read_model(source)
     model = read.model
     try:
@@ -97,6 +97,12 @@ def load_robot(
         raise error.located(path) from None
     name = model.names[: model.names.index(b"\0")].decode() or path.stem
     return Robot(name, source, model, chain, parameters, limits, read.notes)
+
+
+def print_notes(robot: Robot) -> None:
+    """Print a line on each thing of the model's file that was held still, ignored, left out or changed."""
+    for note in robot.notes:
+        print(f"{robot.path.name}: {note}")
 
 
 def _require_known_forces(model: mujoco.MjModel) -> None:

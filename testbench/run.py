@@ -30,7 +30,7 @@ from .progress import Step, steps
 from .recording import write_session
 from .report import write_report
 from .results import IdentificationResult
-from .robot import Robot, load_robot
+from .robot import Robot, load_robot, print_notes
 from .scenario import Scenario, load_scenario
 from .simulation import ControllerOptions, SensorOptions, SimulationOptions, sample_reference, simulate
 from .summary import print_summary
@@ -119,6 +119,7 @@ def _run_plan(
             write_report(result, folder / "report.html", excitation_document(excitation))
             write_session(result, folder / "session.rrd")
     print(f"{scenario.name}: {folder}")
+    print_notes(robot)
     print_peaks(robot, excitation, _room(scenario, robot))
     print_summary(result)
     return result

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Jobs, Model, ScenarioSeed, Seed, at_least_one
+from .options import AS_LOGGED, Chosen, Jobs, Model, ScenarioSeed, Seed, at_least_one
 
 
 def diagnose(
@@ -23,13 +23,14 @@ def diagnose(
             validator=at_least_one("--without"),
         ),
     ] = None,
+    chosen: Chosen = AS_LOGGED,
     seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
     """Say why simulator and robot differ: where, which effect, how far it shrinks, what to do next."""
     from diagnosis.job import diagnose_logs
 
-    told = diagnose_logs(model, logs, out, without or (), seed, jobs)
+    told = diagnose_logs(model, logs, out, without or (), seed, jobs, choice=chosen.choice())
     # It is imported by then, behind the closed loop.
     from diagnosis.report import print_summary
 

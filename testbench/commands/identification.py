@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Jobs, Model, ScenarioSeed, Seed, at_least, at_least_one
+from .options import AS_LOGGED, Chosen, Jobs, Model, ScenarioSeed, Seed, at_least, at_least_one
 
 
 def run(
@@ -37,6 +37,7 @@ def excite(
         Parameter(help="rad/s (m/s), of joints whose model rates no speed; 1 rad/s, 0.25 m/s when not given"),
     ] = None,
     clearance: Annotated[float, Parameter(help="m to keep between parts, and to the floor")] = 0.03,
+    chosen: Chosen = AS_LOGGED,
     seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
@@ -53,7 +54,7 @@ def excite(
         limit_share=limit_share,
         seed=seed,
     )
-    excite_model(model, out, criterion, options, jobs, velocity_limit, clearance)
+    excite_model(model, out, criterion, options, jobs, velocity_limit, clearance, chosen.choice())
 
 
 def simulate(
@@ -71,6 +72,7 @@ def simulate(
     ] = "pd_with_model_feedforward",
     encoder_bits: Annotated[int, Parameter(help="counts a turn, 2**bits; 0 for an exact encoder")] = 17,
     torque_noise: Annotated[float, Parameter(help="white noise as a share of the torque limit")] = 0.01,
+    chosen: Chosen = AS_LOGGED,
     seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
@@ -87,7 +89,7 @@ def simulate(
         ),
         physics_timestep=2e-4,
     )
-    simulate_model(model, trajectory, out, periods, options, effect or (), seed, jobs)
+    simulate_model(model, trajectory, out, periods, options, effect or (), seed, jobs, chosen.choice())
 
 
 def identify(
@@ -121,6 +123,7 @@ def identify(
     ] = None,
     cutoff: Annotated[float, Parameter(help="Hz, low-pass on torque and regressor")] = 20.0,
     dead_zone: Annotated[float, Parameter(help="rad/s; slower samples do not count")] = 0.02,
+    chosen: Chosen = AS_LOGGED,
     write_model: Annotated[
         Path | None, Parameter(help="MJCF to write: the model as identified, physically consistent")
     ] = None,
@@ -142,4 +145,4 @@ def identify(
     groups = tuple(GROUPS) if parameters is None else tuple(parameters)
     preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
     options = IdentificationOptions(estimator, groups, preprocessing)
-    identify_logs(model, logs, validate or [], out, options, write_model)
+    identify_logs(model, logs, validate or [], out, options, write_model, choice=chosen.choice())

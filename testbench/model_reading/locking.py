@@ -146,7 +146,7 @@ def _drop_what_refers(spec: Any, model: Any, kept: set[int], out: set[int]) -> N
 
 
 def _acts(model: Any, tendon: int, kept: set[int], links: Array, out: set[int]) -> bool:
-    """Whether a tendon pulls on joints that move. Raises InputError where it pulls on one that is held, too."""
+    """Whether a tendon pulls on joints that move. Raises InputError where it also pulls on a held one."""
     wraps = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
     objects = [(int(model.wrap_type[wrap]), int(model.wrap_objid[wrap])) for wrap in wraps]
     if all(kind == JOINT_WRAP for kind, _ in objects):

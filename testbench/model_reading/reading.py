@@ -24,17 +24,28 @@ EXPECTED = "XML that MuJoCo loads"
 
 
 @dataclass(frozen=True)
-class Source:
-    """A model's file, and what of it is the robot.
+class Choice:
+    """What of a model's file is the robot, as the user says.
 
-    joints: names of the joints that move, None for those that ``select`` finds. fix_base: hold a floating
-    base. packages: folders of ROS packages by name.
+    joints: names of the joints that move, None for those of the logs, or those that ``select`` finds.
+    fix_base: hold a floating base. packages: folders of ROS packages by name.
     """
 
-    path: Path
     joints: tuple[str, ...] | None = None
     fix_base: bool = False
     packages: Mapping[str, Path] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Source:
+    """A model's file, what the user chose of it, and the joints that a log has, None where there is none.
+
+    Logged joints move where the model has them all; else it is the log's reader that complains.
+    """
+
+    path: Path
+    choice: Choice = Choice()
+    logged: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -60,7 +71,10 @@ def read_model(source: Source) -> Reading:
         raise InputError(path, "model", EXPECTED, str(error)) from None
     names = tuple(joint_label(whole, joint) for joint in range(whole.njnt))
     try:
-        selection = select(whole, source.joints, source.fix_base)
+        asked = source.choice.joints
+        if asked is None and set(source.logged or ()) <= set(names):
+            asked = source.logged
+        selection = select(whole, asked, source.choice.fix_base)
         notes += lock(spec, whole, selection)
         kept = tuple(names[joint] for joint in selection.kept)
         rated = _rated(whole, urdf, names, kept)
@@ -85,7 +99,7 @@ def _whole(source: Source) -> tuple[Any, Any, Urdf | None, tuple[str, ...]]:
         spec = mujoco.MjSpec.from_file(str(source.path))
         return spec, spec.compile(), None, ()
     try:
-        urdf = read_urdf(root, source.path, source.packages)
+        urdf = read_urdf(root, source.path, source.choice.packages)
     except InputError as error:
         raise error.located(source.path) from None
     spec, model, notes = compiled_urdf(urdf)

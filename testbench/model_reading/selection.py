@@ -10,7 +10,7 @@ import numpy as np
 from identification.errors import InputError
 
 HINGE_OR_SLIDE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 JOINT_EQUALITY = int(mujoco.mjtEq.mjEQ_JOINT)
 JOINT_WRAP = int(mujoco.mjtWrap.mjWRAP_JOINT)
 
@@ -47,6 +47,9 @@ def select(model: Any, asked: Sequence[str] | None, fix_base: bool) -> Selection
         kept = _named(model, asked, every)
         held = tuple(joint for joint, carried in floats.items() if carried & set(kept))
     else:
+        # The chain says that balls do not serve.
+        every += [joint for joint in range(model.njnt) if model.jnt_type[joint] == BALL]
+        every.sort()
         floating = set().union(*floats.values())
         fixed = [joint for joint in every if joint not in floating]
         held = () if fixed or not floating else tuple(joint for joint, carried in floats.items() if carried)
@@ -58,10 +61,10 @@ def select(model: Any, asked: Sequence[str] | None, fix_base: bool) -> Selection
         kept = tuple(joint for joint in every if joint in among)
         without = _of_grippers(model, set(kept))
         kept = tuple(joint for joint in kept if joint not in without)
+    if not kept:
+        # The chain says what is wrong with that.
+        return Selection(tuple(range(model.njnt)), (), ())
     ignored = tuple(int(model.jnt_bodyid[joint]) for joint in floats if joint not in held)
-    if len(ignored) == len(floats) == model.njnt:
-        # Nothing but free bodies: the chain says what is wrong with that.
-        ignored = ()
     return Selection(kept, held, ignored)
 
 

@@ -72,7 +72,7 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
     template = page_environment("testbench.report").get_template("report.html")
     return template.render(
         robot=robot.name,
-        model=robot.path.name,
+        model=robot.described,
         created=created,
         headline=headline(result),
         tiles=_tiles(result, fit, validation),
