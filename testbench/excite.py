@@ -21,6 +21,8 @@ from .model_reading.reading import Choice
 from .progress import Step, steps
 from .robot import Robot, load_robot, print_notes
 
+# Columns where the output is no terminal.
+WIDTH = 110
 # Collision geoms are snug: what lies between them and the exterior, and the tracking error.
 CLEARANCE = 0.03
 
@@ -96,9 +98,11 @@ def design(
 
 def print_peaks(robot: Robot, excitation: Excitation, room: DesignRoom) -> None:
     """Print what the model did not settle, and each joint's peaks beside their limits."""
-    console = Console(soft_wrap=True, highlight=False)
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = WIDTH
     for note in room.notes:
-        console.print(Text(note))
+        console.print(Text(note), soft_wrap=True)
     peaks, limits = excitation.margins.peaks, room.limits
     table = Table(box=None, pad_edge=False)
     table.add_column("joint")
