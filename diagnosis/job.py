@@ -12,9 +12,10 @@ from recordings.checks import require_sound
 from testbench.effects import effects
 from testbench.excitation_file import write_excitation
 from testbench.files import require_writable
+from testbench.model_reading.reading import Choice
 from testbench.progress import steps
-from testbench.robot import load_robot
-from testbench.runs import by_path, read_runs, run_names
+from testbench.robot import load_robot, print_notes
+from testbench.runs import by_path, logged_joints, read_runs, run_names
 
 from .diagnose import diagnose
 from .discrimination import NextExperiment, next_experiment
@@ -38,12 +39,14 @@ def diagnose_logs(
     cutoff: float | None = None,
     payloads: Sequence[str] = (),
     map_path: Path | None = None,
+    choice: Choice | None = None,
 ) -> tuple[Diagnosis, NextExperiment | None]:
     """Diagnose the logs against the model; write everything to ``out``.
 
     without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. cutoff: Hz, no
     joint's band is wider; None for what its encoders leave. payloads: RUN=KG each, a payload of known mass
-    that is in that run and in no other. map_path: how recordings that are no robot-logs are read. Leaves
+    that is in that run and in no other. map_path: how recordings that are no robot-logs are read. choice: of
+    the model; the logs' joints are the robot's where it names none. Leaves
     corrected.xml, report.html, session.rrd, next_experiment.json where one helps, and diagnosis.json,
     which is written last. Raises InputError.
     """
@@ -53,8 +56,9 @@ def diagnose_logs(
     if cutoff is not None and not 0 < cutoff < np.inf:
         raise InputError("diagnose", "--cutoff", "a frequency above 0, Hz", f"{cutoff:g}")
     require_writable(out / DOCUMENT)
-    robot = load_robot(model)
     masses = dict(_stated(each, run_names(logs)) for each in payloads)
+    robot = load_robot(model, choice, logged_joints(logs[0], map_path))
+    print_notes(robot)
     recordings = dict(zip(run_names(logs), read_runs(logs, robot, map_path), strict=True))
     findings = require_sound(robot, recordings, logs)
     # Simulation and most of a design is outside the interpreter, and looks at nothing of the rest.

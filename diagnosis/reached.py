@@ -17,23 +17,24 @@ SPIKES = 1e-3
 def within_reach(limits: Limits, runs: Sequence[Logged]) -> tuple[Limits, bool]:
     """The limits, and what the runs reached of all that joints with too few of them lack; whether any does.
 
-    Too few are those that ``missing_limits`` tells of.
+    Too few are those that ``missing_limits`` tells of, and those without a rated speed.
     """
     no_range, no_bound = missing_limits(limits)
-    if not np.any(no_range | no_bound):
+    unrated = ~np.isfinite(limits.velocity)
+    if not np.any(no_range | no_bound | unrated):
         return limits, False
     q, dq, ddq, tau = (
         np.concatenate([getattr(run, name) for run in runs]) for name in ("q", "dq", "ddq", "tau")
     )
 
-    def bounded(limit: Array, reached: Array) -> Array:
+    def bounded(limit: Array, reached: Array, lacking: NDArray[np.bool_] = no_bound) -> Array:
         largest = np.quantile(np.abs(reached), 1 - SPIKES, axis=0)
-        return np.where(no_bound & ~np.isfinite(limit), largest, limit)
+        return np.where(lacking & ~np.isfinite(limit), largest, limit)
 
     filled = JointLimits(
         np.where(no_range, np.min(q, axis=0), limits.lower),
         np.where(no_range, np.max(q, axis=0), limits.upper),
-        bounded(limits.velocity, dq),
+        bounded(limits.velocity, dq, unrated),
         bounded(limits.acceleration, ddq),
         bounded(limits.torque, tau),
     )

@@ -5,7 +5,7 @@ other, d' = n . (J2 - J1), J the points' Jacobians.
 """
 
 import ctypes
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import llvmlite.binding
 import mujoco
@@ -18,6 +18,7 @@ from identification.errors import InputError
 from identification.kinematics import cross, kernel
 from identification.regressor import in_blocks
 
+from .design_limits import design_limits
 from .robot import Robot
 
 Array = NDArray[np.float64]
@@ -25,6 +26,8 @@ Indices = NDArray[np.int64]
 
 # Distances are exact up to this much, m, beyond the required one; a pair further apart gets that.
 REACH = 0.15
+# Random configurations over the joints' ranges: a pair that is clear in none of them counts as never clear.
+CONFIGURATIONS = 300
 WITHOUT_VOLUME = {int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)}
 
 _library = ctypes.CDLL(mujoco._functions.__file__)
@@ -92,7 +95,34 @@ class RobotClearance:
 
 
 def robot_clearance(robot: Robot, required: float) -> RobotClearance | None:
-    """Clearance over the model's collision pairs, or None where it has none.
+    """Clearance over the model's collision pairs that can be clear, or None where there is none."""
+    return clearance_of(robot, required)[0]
+
+
+def clearance_of(robot: Robot, required: float) -> tuple[RobotClearance | None, tuple[str, ...]]:
+    """Clearance over the collision pairs that can be clear, and the names of those that never are.
+
+    A pair never is that was closer than ``required`` in every one of CONFIGURATIONS over the ranges: with it
+    no motion would be left. Raises InputError as ``_all_pairs``.
+    """
+    everything = _all_pairs(robot, required)
+    if everything is None:
+        return None, ()
+    limits = design_limits(robot).limits
+    if not np.all(np.isfinite(limits.upper - limits.lower)):
+        # A slide without a range is refused by name where a motion is designed.
+        return everything, ()
+    draw = np.random.default_rng(0).uniform(limits.lower, limits.upper, (CONFIGURATIONS, robot.joints))
+    can = everything.distances(draw).max(axis=0) >= required
+    never = tuple(name for name, possible in zip(everything.pairs, can, strict=True) if not possible)
+    if not np.any(can):
+        return None, never
+    kept = tuple(name for name, possible in zip(everything.pairs, can, strict=True) if possible)
+    return replace(everything, pairs=kept, geoms=everything.geoms[can], links=everything.links[can]), never
+
+
+def _all_pairs(robot: Robot, required: float) -> RobotClearance | None:
+    """Clearance over all of the model's collision pairs, or None where it has none.
 
     The pairs are those of <contact><pair>, and the geoms whose contype and conaffinity let them
     collide on links that are not neighbours (the base is the neighbour of the first link).
@@ -148,8 +178,8 @@ def _collide(model: mujoco.MjModel, a: int, b: int) -> bool:
 
 
 def _geom_name(model: mujoco.MjModel, geom: int) -> str:
-    body = model.body(model.geom_bodyid[geom]).name
-    return model.geom(geom).name or f"geom {geom} of {body}"
+    """A geom's own name, or that of its body."""
+    return model.geom(geom).name or model.body(model.geom_bodyid[geom]).name
 
 
 @kernel

@@ -3,7 +3,6 @@
 import inspect
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from identification.errors import InputError
@@ -126,7 +125,7 @@ def _section(robot: Robot, description: EffectDescription, seen: Sighting, folde
     values = ", ".join(f"{key} {value:.3g}" for key, value in seen.injection.values.items())
     rows = "\n".join(_row(parameter) for parameter in description.parameters)
     module = effects()[name]
-    sentences = list(module.write(mujoco.MjSpec.from_file(str(robot.path)), robot, seen.injection))
+    sentences = list(module.write(robot.spec(), robot, seen.injection))
     form = [
         inspect.getdoc(module.write) or "",
         *(f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences),

@@ -30,6 +30,9 @@ UNITS = {
 def excitation_document(excitation: Excitation) -> dict[str, Any]:
     """The excitation as JSON-able values, without its wall time; null for the margin of an absent limit."""
     values = excitation.values
+    margins = asdict(excitation.margins)
+    peaks = {key: _plain(value) for key, value in margins.pop("peaks").items()}
+    margins = {key: _plain(value) for key, value in margins.items()}
     return {
         "format": FORMAT,
         "format_version": VERSION,
@@ -37,7 +40,8 @@ def excitation_document(excitation: Excitation) -> dict[str, Any]:
         "trajectory": excitation.trajectory.to_dict(),
         "criterion": excitation.criterion,
         "criteria": asdict(values) | {"slack": values.slack},
-        "margins": {key: _plain(value) for key, value in asdict(excitation.margins).items()},
+        "margins": margins,
+        "peaks": peaks,
         "limits_kept": excitation.margins.kept,
         "options": asdict(excitation.options),
         "evaluations": excitation.evaluations,

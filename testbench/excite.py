@@ -1,41 +1,83 @@
 """The job behind ``excite``: a model in, a designed motion out."""
 
+import math
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.table import Table
+from rich.text import Text
 
 from identification.errors import InputError
 from identification.excitation.design import DesignOptions, DesignProgress, design_excitation
 from identification.excitation.excitation import Excitation
 
-from .clearance import robot_clearance
+from .clearance import RobotClearance, clearance_of
+from .design_limits import design_limits
 from .excitation_file import write_excitation
 from .files import require_writable
+from .model_reading.limits import Limits
+from .model_reading.reading import Choice
 from .progress import Step, steps
-from .robot import Robot, load_robot
+from .robot import Robot, load_robot, print_notes
 from .terminal import console
 
 # Collision geoms are snug: what lies between them and the exterior, and the tracking error.
 CLEARANCE = 0.03
 
 
-def excite_model(
-    model: Path, out: Path, criterion: str, options: DesignOptions, jobs: int | None
-) -> Excitation:
-    """Design an excitation for a model, write it to ``out`` as JSON and print its criteria.
+@dataclass(frozen=True)
+class DesignRoom:
+    """The limits and the clearance that a design keeps, and sentences on what the model did not settle."""
 
-    Raises InputError.
+    limits: Limits
+    clearance: RobotClearance | None
+    notes: tuple[str, ...]
+
+
+def design_room(
+    robot: Robot, velocity_limit: float | None = None, clearance: float = CLEARANCE
+) -> DesignRoom:
+    """Limits and clearance of a robot's designs.
+
+    velocity_limit: of joints without a rated speed, rad/s (m/s). clearance: m. Raises InputError.
+    """
+    found = design_limits(robot, velocity_limit)
+    pairs, never = clearance_of(robot, clearance)
+    notes = found.assumed
+    if never:
+        notes += (f"never {clearance:g} m apart, so not kept apart: {'; '.join(never)}",)
+    return DesignRoom(found.limits, pairs, notes)
+
+
+def excite_model(
+    model: Path,
+    out: Path,
+    criterion: str,
+    options: DesignOptions,
+    jobs: int | None,
+    velocity_limit: float | None = None,
+    clearance: float = CLEARANCE,
+    choice: Choice | None = None,
+) -> Excitation:
+    """Design an excitation for a model, write it to ``out`` as JSON and print its criteria and peaks.
+
+    velocity_limit, clearance: as for ``design_room``. choice: of the model. Raises InputError.
     """
     require_writable(out, model)
-    robot = load_robot(model)
+    robot = load_robot(model, choice)
+    print_notes(robot)
+    room = design_room(robot, velocity_limit, clearance)
     with steps() as progress, progress.step("design") as step:
-        excitation = design(robot, criterion, options, jobs, step)
+        excitation = design(robot, room, criterion, options, jobs, step)
     write_excitation(excitation, out)
     _print(excitation)
+    print_peaks(robot, excitation, room)
     return excitation
 
 
-def design(robot: Robot, criterion: str, options: DesignOptions, jobs: int | None, step: Step) -> Excitation:
+def design(
+    robot: Robot, room: DesignRoom, criterion: str, options: DesignOptions, jobs: int | None, step: Step
+) -> Excitation:
     """The best motion found, clear of the robot itself and the floor. Raises InputError."""
     done: dict[int, int] = {}
 
@@ -45,18 +87,39 @@ def design(robot: Robot, criterion: str, options: DesignOptions, jobs: int | Non
 
     try:
         return design_excitation(
-            robot.chain,
-            robot.parameters,
-            robot.limits,
-            criterion,
-            options,
-            robot_clearance(robot, CLEARANCE),
-            report,
-            jobs,
+            robot.chain, robot.parameters, room.limits, criterion, options, room.clearance, report, jobs
         )
     except InputError as error:
         # The limits are the model's; all else is told of the options.
         raise error.located(robot.path) if error.source == "limits" else error from None
+
+
+def print_peaks(robot: Robot, excitation: Excitation, room: DesignRoom) -> None:
+    """Print what the model did not settle, and each joint's peaks beside their limits."""
+    terminal = console()
+    for note in room.notes:
+        terminal.print(Text(note), soft_wrap=True)
+    peaks, limits = excitation.margins.peaks, room.limits
+    table = Table(box=None, pad_edge=False)
+    table.add_column("joint")
+    for name in ("speed", "limit", "acceleration", "limit", "torque", "limit"):
+        table.add_column(name, justify="right")
+    table.add_column("unit")
+    pairs = (
+        (peaks.velocity, limits.velocity),
+        (peaks.acceleration, limits.acceleration),
+        (peaks.torque, limits.torque),
+    )
+    for joint, name in enumerate(robot.joint_names):
+        length, force = ("m", "N") if robot.chain.is_slide[joint] else ("rad", "N·m")
+        cells = [_figure(float(values[joint])) for pair in pairs for values in pair]
+        table.add_row(Text(name), *cells, f"{length}/s, {length}/s², {force}")
+    terminal.print(table)
+
+
+def _figure(value: float) -> str:
+    """A peak or a limit to three digits, a dash where there is none."""
+    return f"{value:.3g}" if math.isfinite(value) else "–"
 
 
 def _print(excitation: Excitation) -> None:

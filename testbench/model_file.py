@@ -32,7 +32,7 @@ def write_model(robot: Robot, standard: Array, path: str | Path) -> None:
     for joint in range(robot.joints - 1):
         if model.jnt_bodyid[joint] == model.jnt_bodyid[joint + 1] and np.any(table[joint, :INERTIAL] != 0):
             raise InputError(path, robot.joint_names[joint], "no inertia between joints of one body", "some")
-    root = _as_mjcf(robot.path, path.parent)
+    root = _as_mjcf(robot, path.parent)
     joint = -1
     for body in root.iterfind("./worldbody//body"):
         own = _own_joints(body)
@@ -55,12 +55,11 @@ def write_model(robot: Robot, standard: Array, path: str | Path) -> None:
             raise InputError(path, "model", "parameters that MuJoCo accepts", str(error)) from None
 
 
-def _as_mjcf(source: Path, folder: Path) -> ElementTree.Element:
+def _as_mjcf(robot: Robot, folder: Path) -> ElementTree.Element:
     """The model as one MJCF tree whose explicit inertias count and whose assets are found from ``folder``."""
-    spec = mujoco.MjSpec.from_file(str(source))
-    spec.compile()
+    spec = robot.spec()
     own = spec.compiler
-    folders = {kind: source.parent.resolve() / getattr(own, kind) for kind in ("meshdir", "texturedir")}
+    folders = {kind: robot.path.parent.resolve() / getattr(own, kind) for kind in ("meshdir", "texturedir")}
     # What rescales or replaces the written inertias is switched off.
     own.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
     own.settotalmass = -1

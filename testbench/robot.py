@@ -1,7 +1,9 @@
 """A robot as its MJCF (or URDF) tells it: names, limits, chain and ground truth."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,8 +12,11 @@ from numpy.typing import NDArray
 from identification.chain import Chain, chain_from_model
 from identification.errors import InputError
 
-from .containment.model import compiled
+from .containment.child import contained
+from .containment.model import EXPECTED, require_readable, require_sound_model
 from .files import require_file
+from .model_reading.limits import Limits, model_limits
+from .model_reading.reading import Choice, Source, read_model
 from .unmodelled_forces import unmodelled_forces
 
 Array = NDArray[np.float64]
@@ -23,34 +28,35 @@ NAMED_FORCES = 3
 
 
 @dataclass(frozen=True)
-class Limits:
-    """What the joints may do; each (n,), SI units at the joint, inf where the model sets no limit.
-
-    lower, upper: position, rad (m). velocity: rad/s. acceleration: rad/s². torque: N·m (N).
-    """
-
-    lower: Array
-    upper: Array
-    velocity: Array
-    acceleration: Array
-    torque: Array
-
-
-@dataclass(frozen=True)
 class Robot:
     """A model on disk and what was read from it.
 
-    name: the MJCF's model name. path: the file. model: compiled MuJoCo model.
-    chain: kinematics. parameters: (14 n,) standard parameters of the model itself.
-    limits: joint limits.
+    name: the model's own. source: the file, and what of it is the robot. model: compiled MuJoCo model.
+    chain: kinematics. parameters: (14 n,) standard parameters of the model itself. limits: joint limits.
+    notes: sentences on what of the file was held still, ignored, left out or changed.
     """
 
     name: str
-    path: Path
+    source: Source
     model: mujoco.MjModel
     chain: Chain
     parameters: Array
     limits: Limits
+    notes: tuple[str, ...] = ()
+
+    @property
+    def path(self) -> Path:
+        """The model's file."""
+        return self.source.path
+
+    @property
+    def described(self) -> str:
+        """The file's name, and in brackets what of it is not the robot as it is."""
+        return f"{self.path.name} ({'; '.join(self.notes)})" if self.notes else self.path.name
+
+    def spec(self) -> Any:
+        """The robot as an MjSpec of its own, read anew: what was held still has no joint in it."""
+        return read_model(self.source).spec
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -67,25 +73,41 @@ class Robot:
         return tuple("N" if slide else "N·m" for slide in self.chain.is_slide)
 
 
-def load_robot(path: str | Path) -> Robot:
-    """Read an MJCF, or a URDF that MuJoCo reads.
+def load_robot(path: str | Path, choice: Choice | None = None, logged: Sequence[str] | None = None) -> Robot:
+    """Read an MJCF, a URDF, or a .xacro where the xacro package is installed.
+
+    choice: which joints move. logged: the joints of the logs at hand, which move where choice names none. All
+    others are held still where the model's keyframe or zero has them, and their mass counts. Where neither
+    names any, all move but a gripper's.
 
     Joint limits come from ``range`` and ``actuatorfrcrange`` (or the ``ctrlrange``/``forcerange``
-    of a motor on the joint); velocity and acceleration limits, which MJCF has no field for, from
-    ``<custom><numeric name="velocity_limit" data="..."/>`` and ``acceleration_limit``, rad/s and
-    rad/s², one value a joint. Raises InputError, also for a model with forces that would be ignored.
+    of a motor on the joint), rated speeds from a URDF's ``<limit velocity>``. What neither format has a
+    field for comes from ``<custom><numeric name="velocity_limit" data="..."/>`` and ``acceleration_limit``,
+    rad/s and rad/s², one value a joint. Raises InputError, also for forces that would be ignored.
     """
     path = Path(path)
     require_file(path, "model", "an existing MJCF or URDF file")
-    model = compiled(path)
+    source = Source(path, choice or Choice(), None if logged is None else tuple(logged))
+    require_readable(path)
+    packages = {name: str(folder) for name, folder in source.choice.packages.items()}
+    asked = source.choice.joints, source.choice.fix_base, packages, source.logged
+    contained("testbench.robot:_try", path, "model", EXPECTED, *asked)
+    read = read_model(source)
+    model = read.model
     try:
         chain, parameters = chain_from_model(model)
         _require_known_forces(model)
-        limits = _limits(model)
+        limits = model_limits(model, read.rated)
     except InputError as error:
         raise error.located(path) from None
     name = model.names[: model.names.index(b"\0")].decode() or path.stem
-    return Robot(name, path, model, chain, parameters, limits)
+    return Robot(name, source, model, chain, parameters, limits, read.notes)
+
+
+def print_notes(robot: Robot) -> None:
+    """Print a line on each thing of the model's file that was held still, ignored, left out or changed."""
+    for note in robot.notes:
+        print(f"{robot.path.name}: {note}")
 
 
 def _require_known_forces(model: mujoco.MjModel) -> None:
@@ -102,64 +124,14 @@ def _require_known_forces(model: mujoco.MjModel) -> None:
     raise InputError("model", "forces", expected, f"{got}; take it out of the model, simulate has --effect")
 
 
-def _limits(model: mujoco.MjModel) -> Limits:
-    n = model.njnt
-    limited = np.asarray(model.jnt_limited, dtype=bool)
-    lower = np.where(limited, model.jnt_range[:, 0], -np.inf)
-    upper = np.where(limited, model.jnt_range[:, 1], np.inf)
-    return Limits(
-        lower=lower,
-        upper=upper,
-        velocity=_numeric(model, "velocity_limit", n),
-        acceleration=_numeric(model, "acceleration_limit", n),
-        torque=_torque_limits(model),
-    )
-
-
-def _numeric(model: mujoco.MjModel, name: str, n: int) -> Array:
-    """The custom numeric of that name, (n,), or inf where the model has none."""
-    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name)
-    if index < 0:
-        return np.full(n, np.inf)
-    start, size = model.numeric_adr[index], model.numeric_size[index]
-    values = np.array(model.numeric_data[start : start + size])
-    if size != n or not np.all(values > 0):
-        raise InputError(
-            "model", f"custom numeric {name}", f"{n} positive values, one a joint", values.tolist()
-        )
-    return values
-
-
-def _torque_limits(model: mujoco.MjModel) -> Array:
-    """Symmetric torque limit a joint, (n,) N·m: the joint's own, its actuators' and its motors' controls'."""
-    torque = np.full(model.njnt, np.inf)
-    for joint in range(model.njnt):
-        if model.jnt_actfrclimited[joint]:
-            torque[joint] = _least(model.jnt_actfrcrange[joint])
-    for actuator in range(model.nactuator):
-        if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT:
-            continue
-        joint = int(model.actuator_trnid[actuator, 0])
-        gear = abs(float(model.actuator_gear[actuator, 0]))
-        if model.actuator_forcelimited[actuator]:
-            torque[joint] = min(torque[joint], gear * _least(model.actuator_forcerange[actuator]))
-        control = int(model.actuator_ctrladr[actuator])
-        if _is_motor(model, actuator) and model.actuator_ctrllimited[control]:
-            gain = abs(float(model.actuator_gainprm[actuator, 0]))
-            torque[joint] = min(torque[joint], gear * gain * _least(model.actuator_ctrlrange[control]))
-    return torque
-
-
-def _is_motor(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether an actuator's control is a torque: that of a servo is where to go, or how fast."""
-    return (
-        model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
-        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-        and model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
-        and model.actuator_ctrlnum[actuator] == 1
-    )
-
-
-def _least(bounds: Array) -> float:
-    """The bound (2,) that is nearer to zero, by its size."""
-    return float(np.abs(bounds).min())
+def _try(
+    name: str,
+    joints: tuple[str, ...] | None,
+    fix_base: bool,
+    packages: Mapping[str, str],
+    logged: tuple[str, ...] | None,
+) -> None:
+    """Read a model to see whether that can be done: MuJoCo crashes on some. Raises InputError."""
+    folders = {package: Path(folder) for package, folder in packages.items()}
+    read = read_model(Source(Path(name), Choice(joints, fix_base, folders), logged))
+    require_sound_model(Path(name), read.model)

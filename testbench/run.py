@@ -17,13 +17,12 @@ from identification.parameters import GROUPS
 from identification.pipeline import IdentificationOptions
 
 from .background import background
-from .clearance import robot_clearance
 from .comparison import compare_with_truth
 from .containment.folder import results_folder
 from .effects import injection
 from .estimate_file import write_estimate
 from .excitation_file import excitation_document, write_excitation
-from .excite import CLEARANCE, design
+from .excite import DesignRoom, design, design_room, print_peaks
 from .files import require_writable
 from .identify import identify_recordings
 from .log import Recording, write_log
@@ -32,7 +31,7 @@ from .progress import Step, steps
 from .recording import write_session
 from .report import write_report
 from .results import IdentificationResult
-from .robot import Robot, load_robot
+from .robot import Robot, load_robot, print_notes
 from .scenario import WRITTEN, Scenario, load_scenario
 from .simulation import (
     ControllerOptions,
@@ -131,6 +130,8 @@ def _run_plan(
             write_report(result, folder / "report.html", excitation_document(excitation))
             write_session(result, folder / "session.rrd")
     print(f"{scenario.name}: {folder}")
+    print_notes(robot)
+    print_peaks(robot, excitation, _room(scenario, robot))
     for line in told:
         print(line)
     print_summary(result)
@@ -142,12 +143,19 @@ def _motions(
 ) -> tuple[Excitation, tuple[Excitation, ...]]:
     """The motion to fit, and those to validate on."""
     streams = _streams(scenario)
-    excitation = _design(scenario, robot, _integer(streams[DESIGN]), jobs, step)
+    room = _room(scenario, robot)
+    excitation = _design(scenario, robot, room, _integer(streams[DESIGN]), jobs, step)
     others = streams[VALIDATION].spawn(scenario.validation.runs)
-    return excitation, tuple(_validation(scenario, robot, _integer(stream)) for stream in others)
+    return excitation, tuple(_validation(scenario, robot, room, _integer(stream)) for stream in others)
 
 
-def _design(scenario: Scenario, robot: Robot, seed: int, jobs: int | None, step: Step) -> Excitation:
+def _room(scenario: Scenario, robot: Robot) -> DesignRoom:
+    return design_room(robot, scenario.excitation.velocity_limit, scenario.excitation.clearance)
+
+
+def _design(
+    scenario: Scenario, robot: Robot, room: DesignRoom, seed: int, jobs: int | None, step: Step
+) -> Excitation:
     section = scenario.excitation
     options = DesignOptions(
         trajectory=section.trajectory,
@@ -158,10 +166,10 @@ def _design(scenario: Scenario, robot: Robot, seed: int, jobs: int | None, step:
         limit_share=section.limit_share,
         seed=seed,
     )
-    return design(robot, section.criterion, options, jobs, step)
+    return design(robot, room, section.criterion, options, jobs, step)
 
 
-def _validation(scenario: Scenario, robot: Robot, seed: int) -> Excitation:
+def _validation(scenario: Scenario, robot: Robot, room: DesignRoom, seed: int) -> Excitation:
     options = DesignOptions(
         harmonics=scenario.validation.harmonics,
         base_frequency=scenario.validation.base_frequency,
@@ -169,8 +177,7 @@ def _validation(scenario: Scenario, robot: Robot, seed: int) -> Excitation:
         limit_share=scenario.excitation.limit_share,
         seed=seed,
     )
-    clearance = robot_clearance(robot, CLEARANCE)
-    return random_excitation(robot.chain, robot.parameters, robot.limits, options, clearance)
+    return random_excitation(robot.chain, robot.parameters, room.limits, options, room.clearance)
 
 
 def _simulate(

@@ -43,6 +43,14 @@ def read_runs(paths: Sequence[Path], robot: Robot, map_path: Path | None = None)
     return recordings
 
 
+def logged_joints(path: Path, map_path: Path | None = None) -> tuple[str, ...] | None:
+    """The joints that a recording names; None where it cannot be read, which its reader then says."""
+    try:
+        return Door(None, map_path).log(path, with_torque=False).recording.joint_names
+    except InputError:
+        return None
+
+
 def read_motion(path: Path, chain: Chain, limits: Limits, map_path: Path | None = None) -> Recording:
     """The recording of a log whose torque is not looked at; a guess is printed. Raises InputError."""
     opened = Door(joints_of(chain, limits), map_path).log(path, with_torque=False)

@@ -10,8 +10,9 @@ from .effects import parse_injection
 from .excitation_file import read_trajectory
 from .files import require_writable
 from .log import Recording, write_log
+from .model_reading.reading import Choice
 from .progress import steps
-from .robot import load_robot
+from .robot import load_robot, print_notes
 from .simulation import SimulationOptions, controller_gains, sample_reference, simulate, tracking
 
 
@@ -24,15 +25,17 @@ def simulate_model(
     effects: Sequence[str],
     seed: int,
     jobs: int | None,
+    choice: Choice | None = None,
 ) -> Recording:
     """Drive a model along a trajectory file, write the robot-log to ``out`` and say so. Raises InputError.
 
-    effects: as ``NAME[:joint[:key=value,...]]``, beside those of ``options``. A loop that ran away
-    leaves no file.
+    effects: as ``NAME[:joint[:key=value,...]]``, beside those of ``options``. choice: of the model; the
+    trajectory's joints are the robot's where it names none. A loop that ran away leaves no file.
     """
     require_writable(out, model, trajectory)
-    robot = load_robot(model)
     joint_names, motion = read_trajectory(trajectory)
+    robot = load_robot(model, choice, joint_names)
+    print_notes(robot)
     if joint_names != robot.joint_names:
         expected = f"the model's joints {', '.join(robot.joint_names)}"
         raise InputError(trajectory, "joint_names", expected, ", ".join(joint_names))

@@ -198,8 +198,9 @@ def test_limits_that_cannot_be_met_are_named(changes, words):
 
 def test_clearance_that_cannot_be_met_names_the_pair():
     arm = robot("tx90")
+    far = dataclasses.replace(clearance("tx90"), required=1.0)
     with pytest.raises(InputError, match=r"clearance of \w+ and collision_\w+: expected at most .* got 1 m"):
-        random_excitation(arm.chain, arm.parameters, arm.limits, QUICK, robot_clearance(arm, 1.0))
+        random_excitation(arm.chain, arm.parameters, arm.limits, QUICK, far)
 
 
 def test_velocity_and_acceleration_limits_may_be_missing():

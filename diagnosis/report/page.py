@@ -50,7 +50,7 @@ def render(
     any_likely = any(each.probability >= words.LEAST_SHOWN for each in ranked)
     return environment.get_template("diagnosis.html").render(
         robot=robot.name,
-        model=robot.path.name,
+        model=robot.described,
         created=created,
         runs=[run.name for run in diagnosis.prepared.runs],
         sentence=diagnosis.sentence,

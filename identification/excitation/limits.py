@@ -99,12 +99,21 @@ class Clearance(Protocol):
 
 
 @dataclass(frozen=True)
+class MotionPeaks:
+    """Largest absolute values of a motion on the fine grid, each (n,): rad/s, rad/s², N·m (m/s, m/s², N)."""
+
+    velocity: Array
+    acceleration: Array
+    torque: Array
+
+
+@dataclass(frozen=True)
 class LimitMargins:
     """What is left to each limit on the fine grid; negative where a limit is broken.
 
     position: (n,) rad (m), to the nearer end of the range. velocity: (n,) rad/s. acceleration: (n,)
     rad/s². torque: (n,) N·m (N). inf where there is no limit. clearance: m beyond the required
-    distance, or None where no clearance was asked for. rate: Hz of the grid.
+    distance, or None where no clearance was asked for. rate: Hz of the grid. peaks: the motion's own.
     """
 
     position: Array
@@ -113,6 +122,7 @@ class LimitMargins:
     torque: Array
     clearance: float | None
     rate: float
+    peaks: MotionPeaks
 
     @property
     def kept(self) -> bool:
@@ -138,13 +148,15 @@ def limit_margins(
     time = np.arange(np.ceil(trajectory.duration * rate) + 1) / rate
     q, dq, ddq = trajectory.evaluate(time)
     tau = inverse_dynamics(chain, parameters, q, dq, ddq)
+    peaks = MotionPeaks(*(np.abs(values).max(axis=0) for values in (dq, ddq, tau)))
     return LimitMargins(
         position=np.minimum(q - limits.lower, limits.upper - q).min(axis=0),
-        velocity=limits.velocity - np.abs(dq).max(axis=0),
-        acceleration=limits.acceleration - np.abs(ddq).max(axis=0),
-        torque=limits.torque - np.abs(tau).max(axis=0),
+        velocity=limits.velocity - peaks.velocity,
+        acceleration=limits.acceleration - peaks.acceleration,
+        torque=limits.torque - peaks.torque,
         clearance=None if clearance is None else float(clearance.distances(q).min() - clearance.required),
         rate=rate,
+        peaks=peaks,
     )
 
 

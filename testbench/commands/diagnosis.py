@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Jobs, Map, Model, ScenarioSeed, Seed, at_least_one
+from .options import AS_LOGGED, Chosen, Jobs, Map, Model, ScenarioSeed, Seed, at_least_one
 
 
 def diagnose(
@@ -39,6 +39,7 @@ def diagnose(
         ),
     ] = None,
     map: Map = None,
+    chosen: Chosen = AS_LOGGED,
     seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
@@ -47,7 +48,9 @@ def diagnose(
     from testbench.containment.folder import results_folder
 
     with results_folder(out, WRITTEN):
-        told = diagnose_logs(model, logs, out, without or (), seed, jobs, cutoff, payload or (), map)
+        told = diagnose_logs(
+            model, logs, out, without or (), seed, jobs, cutoff, payload or (), map, chosen.choice()
+        )
     # It is imported by then, behind the closed loop.
     from diagnosis.report import print_summary
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Jobs, Map, Model, ScenarioSeed, Seed, at_least, at_least_one
+from .options import AS_LOGGED, Chosen, Jobs, Map, Model, ScenarioSeed, Seed, at_least, at_least_one
 
 
 def run(
@@ -32,6 +32,12 @@ def excite(
     base_frequency: Annotated[float, Parameter(help="Hz; the motion repeats at this rate")] = 0.1,
     starts: Annotated[int, Parameter(help="seeded restarts")] = 3,
     limit_share: Annotated[float, Parameter(help="share of the model's limits to use, 0 to 1")] = 0.9,
+    velocity_limit: Annotated[
+        float | None,
+        Parameter(help="rad/s (m/s), of joints whose model rates no speed; 1 rad/s, 0.25 m/s when not given"),
+    ] = None,
+    clearance: Annotated[float, Parameter(help="m to keep between parts, and to the floor")] = 0.03,
+    chosen: Chosen = AS_LOGGED,
     seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
@@ -48,7 +54,7 @@ def excite(
         limit_share=limit_share,
         seed=seed,
     )
-    excite_model(model, out, criterion, options, jobs)
+    excite_model(model, out, criterion, options, jobs, velocity_limit, clearance, chosen.choice())
 
 
 def simulate(
@@ -67,6 +73,7 @@ def simulate(
     bandwidth: Annotated[float, Parameter(help="Hz, of the position loop")] = 6.0,
     encoder_bits: Annotated[int, Parameter(help="counts a turn, 2**bits; 0 for an exact encoder")] = 17,
     torque_noise: Annotated[float, Parameter(help="white noise as a share of the torque limit")] = 0.01,
+    chosen: Chosen = AS_LOGGED,
     seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
@@ -83,7 +90,7 @@ def simulate(
         ),
         physics_timestep=2e-4,
     )
-    simulate_model(model, trajectory, out, periods, options, effect or (), seed, jobs)
+    simulate_model(model, trajectory, out, periods, options, effect or (), seed, jobs, chosen.choice())
 
 
 def identify(
@@ -125,6 +132,7 @@ def identify(
     strict: Annotated[
         bool, Parameter(help="refuse a motion that leaves a base parameter open, hold nothing", negative=())
     ] = False,
+    chosen: Chosen = AS_LOGGED,
     write_model: Annotated[
         Path | None, Parameter(help="MJCF to write: the model as identified, physically consistent")
     ] = None,
@@ -148,4 +156,4 @@ def identify(
     preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
     options = IdentificationOptions(estimator, groups, preprocessing, strict, own_bands=True)
     with results_folder(out, ("estimate.json", "report.html")):
-        identify_logs(model, logs, validate or [], out, options, write_model, map)
+        identify_logs(model, logs, validate or [], out, options, write_model, map, chosen.choice())

@@ -1,6 +1,7 @@
 """Options that several commands take."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,4 +47,31 @@ Map = Annotated[
     Path | None,
     Parameter(help="mapping YAML of recordings that are no robot-logs; guessed when not given", name="--map"),
 ]
-Model = Annotated[Path, Parameter(help="MJCF, or a URDF that MuJoCo reads")]
+Model = Annotated[Path, Parameter(help="MJCF, URDF, or .xacro")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Chosen:
+    """What of the model is the robot."""
+
+    joints: Annotated[
+        str | None,
+        Parameter(help="that move, with commas; others are held still. The logs' by default"),
+    ] = None
+    fix_base: Annotated[bool, Parameter(help="hold a floating base", negative=())] = False
+    package: Annotated[
+        list[str] | None, Parameter(help="NAME=PATH of a ROS package; repeatable", negative=())
+    ] = None
+
+    def choice(self) -> Any:
+        """The ``model_reading.reading.Choice`` of these options. Raises InputError."""
+        from ..model_reading.packages import parse_packages
+        from ..model_reading.reading import Choice
+
+        names = None if self.joints is None else tuple(name.strip() for name in self.joints.split(","))
+        return Choice(names, self.fix_base, parse_packages(tuple(self.package or ())))
+
+
+# A default that cyclopts fills in where options are given.
+AS_LOGGED = Chosen()

@@ -37,3 +37,17 @@ def study_plants(
     from studies.plants_study import study
 
     study(out, robots, seed, jobs)
+
+
+@app.command(name="robots")
+def study_robots(
+    models: Annotated[Path, Parameter(help="folder with URDFs in it, such as that of example-robot-data")],
+    /,
+    *,
+    out: Annotated[Path, Parameter(help="folder for robots.md; a second call resumes")],
+    jobs: Processes = None,
+) -> None:
+    """Take every published model from its file to a diagnosis, and say which work."""
+    from studies.robots.study import study
+
+    study(models, out, jobs)

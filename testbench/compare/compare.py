@@ -12,8 +12,7 @@ from identification.errors import InputError
 from identification.excitation.design import DesignOptions, design_excitation, random_excitation
 from identification.excitation.trajectory import Trajectory
 
-from ..clearance import robot_clearance
-from ..excite import CLEARANCE
+from ..excite import design_room
 from ..files import replacing, require_writable
 from ..robot import load_robot
 from ..scenario import Scenario, load_scenario
@@ -102,7 +101,6 @@ def _cases(question: str, chosen: Sequence[str], levels: dict[str, Scenario]) ->
 def _motions(scenario: Scenario, fitted: bool) -> dict[str, Trajectory]:
     """The motion to validate on, and the one that all cases fit where they share it."""
     robot = load_robot(scenario.model)
-    clearance = robot_clearance(robot, CLEARANCE)
     section = scenario.excitation
     shared: dict[str, Any] = {
         "groups": scenario.identification.parameters,
@@ -112,7 +110,8 @@ def _motions(scenario: Scenario, fitted: bool) -> dict[str, Trajectory]:
     random = DesignOptions(
         harmonics=scenario.validation.harmonics, base_frequency=scenario.validation.base_frequency, **shared
     )
-    chain, parameters, limits = robot.chain, robot.parameters, robot.limits
+    room = design_room(robot, section.velocity_limit, section.clearance)
+    chain, parameters, limits, clearance = robot.chain, robot.parameters, room.limits, room.clearance
     motions = {"validation": random_excitation(chain, parameters, limits, random, clearance).trajectory}
     if fitted:
         options = DesignOptions(

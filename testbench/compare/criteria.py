@@ -25,8 +25,8 @@ from identification.excitation.trajectories import trajectory_from_dict
 from identification.excitation.trajectory import Trajectory
 from identification.excitation.two_stage import design_two_stage
 
-from ..clearance import robot_clearance
-from ..excite import CLEARANCE
+from ..clearance import RobotClearance, robot_clearance
+from ..design_limits import design_limits
 from ..robot import Robot
 from ..scenario import Scenario
 from .case import Case, Row
@@ -65,12 +65,14 @@ def run(case: Case) -> Row:
         limit_share=scenario.excitation.limit_share,
         seed=case.seed,
     )
+    robot = replace(robot, limits=design_limits(robot, scenario.excitation.velocity_limit).limits)
     if case.choice == ALONE:
         return _alone(robot, options)
     # Loads compiled kernels, so that the design is timed alone.
-    _design(robot, "hadamard", replace(options, iterations=1))
+    clearance = robot_clearance(robot, scenario.excitation.clearance)
+    _design(robot, clearance, "hadamard", replace(options, iterations=1))
     began = time.process_time()
-    motion, evaluations = _design(robot, case.choice, options)
+    motion, evaluations = _design(robot, clearance, case.choice, options)
     seconds = time.process_time() - began
     if motion is None:
         return {"note": "this start found no motion that keeps the limits", "seconds": seconds}
@@ -91,10 +93,11 @@ def run(case: Case) -> Row:
     }
 
 
-def _design(robot: Robot, choice: str, options: DesignOptions) -> tuple[Trajectory | None, int]:
+def _design(
+    robot: Robot, clearance: RobotClearance | None, choice: str, options: DesignOptions
+) -> tuple[Trajectory | None, int]:
     """The motion of one start and the criterion's evaluations."""
     chain, parameters, limits = robot.chain, robot.parameters, robot.limits
-    clearance = robot_clearance(robot, CLEARANCE)
     if choice == TWO_STAGE:
         return design_two_stage(chain, parameters, limits, options, clearance)
     motions = feasible_motions(chain, parameters, limits, options, clearance)

@@ -5,8 +5,7 @@ from identification.estimators import estimate
 from identification.excitation.design import DesignOptions, design_excitation
 from identification.excitation.trajectories import TRAJECTORIES, trajectory_from_dict
 
-from ..clearance import robot_clearance
-from ..excite import CLEARANCE
+from ..excite import design_room
 from .case import Case, Row
 from .experiment import accuracy, experiment, robot_of, scenario_of, timed
 
@@ -31,12 +30,12 @@ def run(case: Case) -> Row:
         limit_share=section.limit_share,
         seed=case.seed,
     )
-    clearance = robot_clearance(robot, CLEARANCE)
+    room = design_room(robot, section.velocity_limit, section.clearance)
     # Loads compiled kernels, so that the design is timed alone.
     base_parameters(robot.chain)
     design, seconds = timed(
         lambda: design_excitation(
-            robot.chain, robot.parameters, robot.limits, section.criterion, options, clearance, threads=1
+            robot.chain, robot.parameters, room.limits, section.criterion, options, room.clearance, threads=1
         )
     )
     known = experiment(case, design.trajectory, trajectory_from_dict(case.settings["validation"]))

@@ -51,14 +51,14 @@ FINITE = (
 RANGES = ("jnt_range", "jnt_actfrcrange", "actuator_forcerange", "actuator_ctrlrange", "numeric_data")
 
 
-def compiled(path: Path) -> Any:
-    """The ``mujoco.MjModel`` of a file. Raises InputError for what cannot be compiled, or is no model.
+def require_readable(path: Path) -> None:
+    """Raise InputError for a file that names what no model needs, or that MuJoCo cannot or should not compile.
 
-    It is compiled elsewhere first: MuJoCo crashes on some files, and takes all time or memory on others.
+    It is looked through and compiled elsewhere: MuJoCo crashes on some files, and takes all time or memory on
+    others. A URDF is changed before MuJoCo compiles it; who changes it calls ``require_sound_model``.
     """
     size = contained("testbench.containment.model:_referred", path, "model", EXPECTED)
     contained("testbench.containment.model:_checked", path, "model", EXPECTED, size=size)
-    return _compiled(path)
 
 
 def _compiled(path: Path) -> Any:
@@ -166,9 +166,25 @@ def _copies(path: Path, element: ElementTree.Element) -> float:
 
 
 def _checked(name: str) -> None:
-    """Compile a model to see whether that can be done. Raises InputError where it cannot be worked with."""
+    """Compile an MJCF to see whether that can be done. Raises InputError where it cannot be worked with."""
     path = Path(name)
-    model = _compiled(path)
+    if _is_mjcf(path):
+        require_sound_model(path, _compiled(path))
+
+
+def _is_mjcf(path: Path) -> bool:
+    """Whether a file is to be compiled as it is: no .xacro, nor a URDF."""
+    if path.suffix == ".xacro":
+        return False
+    try:
+        return ElementTree.parse(path).getroot().tag != "robot"
+    except (ElementTree.ParseError, UnicodeDecodeError, LookupError, ValueError):
+        # What MuJoCo says of it is more to the point.
+        return True
+
+
+def require_sound_model(path: Path, model: Any) -> None:
+    """Raise InputError for a compiled model that is too large, or whose numbers and names are none."""
     for kind, most in MOST_PARTS.items():
         if getattr(model, kind) > most:
             raise InputError(path, kind, f"at most {most}", getattr(model, kind))

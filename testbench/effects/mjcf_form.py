@@ -49,7 +49,7 @@ def effects_spec(robot: Robot, injections: Sequence[Injection]) -> tuple[Any, tu
     """
     from . import effect  # The catalogue imports the effects, which import this.
 
-    spec = mujoco.MjSpec.from_file(str(robot.path))
+    spec = robot.spec()
     sentences: list[str] = []
     for injection in injections:
         where = "" if injection.joint is None else f" of {robot.joint_names[injection.joint]}"

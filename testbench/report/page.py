@@ -74,7 +74,7 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
     template = page_environment("testbench.report").get_template("report.html")
     return template.render(
         robot=robot.name,
-        model=robot.path.name,
+        model=robot.described,
         created=created,
         headline=headline(result),
         left_open=left_open(result),

@@ -1,0 +1,1 @@
+"""Published robot models, each taken from its file to a diagnosis."""

@@ -1,0 +1,129 @@
+"""Which joints of a model are the robot, and which are held still."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from identification.errors import InputError
+
+HINGE_OR_SLIDE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+JOINT_EQUALITY = int(mujoco.mjtEq.mjEQ_JOINT)
+JOINT_WRAP = int(mujoco.mjtWrap.mjWRAP_JOINT)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Joints by their index in the whole model.
+
+    kept: the robot's. held: free joints of a base that is held. ignored: bodies that are taken out with all
+    that they carry.
+    """
+
+    kept: tuple[int, ...]
+    held: tuple[int, ...]
+    ignored: tuple[int, ...]
+
+
+def joint_label(model: Any, joint: int) -> str:
+    """A joint's name, or the one that a nameless one is called by."""
+    return model.joint(joint).name or f"joint_{joint + 1}"
+
+
+def select(model: Any, asked: Sequence[str] | None, fix_base: bool) -> Selection:
+    """The robot's joints in a compiled model.
+
+    asked: their names. None: all hinges and slides but those of grippers (see ``_of_grippers``), and of
+    what floats beside a robot on a fixed base. A floating base is held where ``fix_base``, or where joints
+    are asked for that it carries. Raises InputError for unknown names, and for a floating base that nobody
+    said to hold.
+    """
+    every = [joint for joint in range(model.njnt) if model.jnt_type[joint] in HINGE_OR_SLIDE]
+    floats = {joint: _carried(model, joint) for joint in range(model.njnt) if model.jnt_type[joint] == FREE}
+    if asked is not None:
+        kept = _named(model, asked, every)
+        held = tuple(joint for joint, carried in floats.items() if carried & set(kept))
+    else:
+        # The chain says that balls do not serve.
+        every += [joint for joint in range(model.njnt) if model.jnt_type[joint] == BALL]
+        every.sort()
+        floating = set().union(*floats.values())
+        fixed = [joint for joint in every if joint not in floating]
+        held = () if fixed or not floating else tuple(joint for joint, carried in floats.items() if carried)
+        if held and not fix_base:
+            base = model.body(model.jnt_bodyid[held[0]]).name
+            expected = "a fixed base: --fix-base holds it, as logs or --joints of its joints alone do"
+            raise InputError("model", "base", expected, f"{base}, which floats")
+        among = set(fixed or floating)
+        kept = tuple(joint for joint in every if joint in among)
+        without = _of_grippers(model, set(kept))
+        kept = tuple(joint for joint in kept if joint not in without)
+    if not kept:
+        # The chain says what is wrong with that.
+        return Selection(tuple(range(model.njnt)), (), ())
+    ignored = tuple(int(model.jnt_bodyid[joint]) for joint in floats if joint not in held)
+    return Selection(kept, held, ignored)
+
+
+def _named(model: Any, asked: Sequence[str], every: Sequence[int]) -> tuple[int, ...]:
+    """Indices of the joints of these names, in the model's order."""
+    known = {joint_label(model, joint): joint for joint in every}
+    for name in asked:
+        if name not in known:
+            raise InputError("model", "joints", "hinges or slides of the model", repr(name), known)
+    if not asked:
+        raise InputError("model", "joints", "at least one joint", "none", known)
+    return tuple(sorted({known[name] for name in asked}))
+
+
+def _carried(model: Any, free: int) -> set[int]:
+    """The hinges and slides that a free joint's body carries."""
+    body = int(model.jnt_bodyid[free])
+    return {
+        joint
+        for joint in range(model.njnt)
+        if model.jnt_type[joint] in HINGE_OR_SLIDE and model.body_rootid[model.jnt_bodyid[joint]] == body
+    }
+
+
+def _of_grippers(model: Any, joints: set[int]) -> set[int]:
+    """Joints that others follow or that follow others, beyond which no joint moves by itself: of a gripper.
+
+    They are coupled by an active joint equality (a URDF's mimic), or by one fixed tendon. Where other joints
+    lie beyond a coupled one, as in a parallelogram, all of that group stay.
+    """
+    groups: list[set[int]] = []
+    for equality in np.flatnonzero((model.eq_type == JOINT_EQUALITY) & model.eq_active0):
+        pair = {int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])}
+        groups.append(pair - {-1})
+    for tendon in range(model.ntendon):
+        wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+        if np.all(model.wrap_type[wraps] == JOINT_WRAP):
+            groups.append({int(joint) for joint in model.wrap_objid[wraps]})
+    merged: list[set[int]] = []
+    for group in groups:
+        together = [each for each in merged if each & group]
+        merged = [each for each in merged if not each & group] + [group.union(*together)]
+    coupled = set().union(*merged) if merged else set()
+    apart = joints - coupled
+    return {
+        joint
+        for group in merged
+        if not any(_beyond(model, outer, inner) for outer in apart for inner in group)
+        for joint in group & joints
+    }
+
+
+def _beyond(model: Any, outer: int, inner: int) -> bool:
+    """Whether a joint is moved by another."""
+    body, other = int(model.jnt_bodyid[outer]), int(model.jnt_bodyid[inner])
+    if body == other:
+        return outer > inner
+    while body > 0:
+        body = int(model.body_parentid[body])
+        if body == other:
+            return True
+    return False

@@ -1,0 +1,187 @@
+"""A URDF as it comes, made into one that MuJoCo reads; what MuJoCo drops of it is kept beside."""
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import InputError
+
+from .inertia import mend_inertia
+from .limits import ACCELERATION, VELOCITY
+from .meshes import drop_broken, place_meshes
+from .wording import listed
+
+Array = NDArray[np.float64]
+
+# Elements that a parent has once: ROS reads the first.
+ONCE = {
+    "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
+    "collision": ("origin", "geometry"),
+    "visual": ("origin", "geometry", "material"),
+    "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration"),
+}
+# kg, kg·m² of a body that has none: next to nothing, but MuJoCo wants some of every body that moves.
+LEAST = "1e-12"
+MOVING = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True)
+class Urdf:
+    """A URDF that MuJoCo reads from ``folder``.
+
+    speeds: rated, rad/s (m/s), by joint. numerics: custom numerics of its ``<mujoco>``. notes: sentences
+    on what was left out or changed.
+    """
+
+    root: ElementTree.Element
+    folder: Path
+    speeds: dict[str, float]
+    numerics: dict[str, Array]
+    notes: tuple[str, ...]
+
+
+def xml_root(path: Path) -> ElementTree.Element | None:
+    """The root of a model's XML, None where it is none; of a .xacro, what the xacro package makes of it.
+
+    Raises InputError for a .xacro where that package is missing, or fails.
+    """
+    if path.suffix == ".xacro":
+        return _expanded(path)
+    try:
+        return ElementTree.parse(path).getroot()
+    # What MuJoCo says of it is more to the point.
+    except (ElementTree.ParseError, OSError, UnicodeDecodeError, LookupError, ValueError):
+        return None
+
+
+def read_urdf(root: ElementTree.Element, path: Path, packages: Mapping[str, Path]) -> Urdf:
+    """A URDF made into what MuJoCo reads, in place. packages: folders by name.
+
+    Meshes that are missing, or of a format that MuJoCo does not read, are left out; inertias that no body
+    has are moved to the nearest that one can have. Raises InputError for what is no number.
+    """
+    notes = []
+    repeated = _drop_repeated(root)
+    if repeated:
+        notes.append(f"given twice, the first counts: {listed(repeated)}")
+    _drop_what_mujoco_warns_of(root)
+    impossible = [link.get("name", "") for link in root.iterfind("link") if mend_inertia(link)]
+    if impossible:
+        notes.append(
+            f"inertia that no body has, taken as the nearest that one can have: {listed(impossible)}"
+        )
+    compiler = _compiler(root)
+    notes += place_meshes(root, compiler, path, packages)
+    # A link without <inertial> has no mass: MuJoCo would fill its shapes with water, or refuse it.
+    for name, value in (("inertiafromgeom", "false"), ("boundmass", LEAST), ("boundinertia", LEAST)):
+        compiler.attrib.setdefault(name, value)
+    return Urdf(root, path.resolve().parent, _speeds(root), _numerics(root), tuple(notes))
+
+
+def compiled_urdf(urdf: Urdf) -> tuple[Any, Any, tuple[str, ...]]:
+    """The MjSpec and MjModel of a URDF, and a sentence on meshes that MuJoCo cannot read, which are left out.
+
+    Raises ValueError as MuJoCo does.
+    """
+    spec = _parsed(urdf)
+    try:
+        return spec, spec.compile(), ()
+    except (ValueError, mujoco.FatalError):
+        note = drop_broken(urdf.root, urdf.folder)
+        if not note:
+            raise
+    spec = _parsed(urdf)
+    return spec, spec.compile(), (note,)
+
+
+def _parsed(urdf: Urdf) -> Any:
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(urdf.root, encoding="unicode"))
+    spec.modelfiledir = str(urdf.folder)
+    return spec
+
+
+def _expanded(path: Path) -> ElementTree.Element:
+    expected = f"a URDF: run xacro first (xacro {path.name} > {path.stem}), or pip install xacro"
+    try:
+        xacro = importlib.import_module("xacro")
+    except ImportError:
+        raise InputError(path, "model", expected, "a .xacro") from None
+    try:
+        return ElementTree.fromstring(xacro.process_file(str(path)).toxml())
+    # It raises whatever its macros do.
+    except Exception as error:
+        raise InputError(path, "model", "a .xacro that xacro expands", str(error)) from None
+
+
+def _drop_repeated(root: ElementTree.Element) -> list[str]:
+    """Leave the first of what an element has once; names of the parents of what was taken out."""
+    names = []
+    for parent in [root, *root.iter()]:
+        seen: set[str] = set()
+        for child in list(parent):
+            if child.tag in ONCE.get(parent.tag, ()):
+                if child.tag in seen:
+                    parent.remove(child)
+                    names.append(f"{child.tag} of {parent.get('name', parent.tag)}")
+                seen.add(child.tag)
+    return names
+
+
+def _drop_what_mujoco_warns_of(root: ElementTree.Element) -> None:
+    """Take out mimics among joints that do not move, and ranges of no width, which MuJoCo ignores as well."""
+    moving = {joint.get("name") for joint in root.iterfind("joint") if joint.get("type") in MOVING}
+    for joint in root.iterfind("joint"):
+        mimic, limit = joint.find("mimic"), joint.find("limit")
+        if mimic is not None and not {joint.get("name"), mimic.get("joint")} <= moving:
+            joint.remove(mimic)
+        if limit is not None and limit.get("lower") is not None and limit.get("lower") == limit.get("upper"):
+            del limit.attrib["lower"], limit.attrib["upper"]
+
+
+def _compiler(root: ElementTree.Element) -> ElementTree.Element:
+    """The ``<mujoco><compiler>`` of a URDF, made where there is none."""
+    mujoco_element = root.find("mujoco")
+    if mujoco_element is None:
+        mujoco_element = ElementTree.SubElement(root, "mujoco")
+    compiler = mujoco_element.find("compiler")
+    return ElementTree.SubElement(mujoco_element, "compiler") if compiler is None else compiler
+
+
+def _speeds(root: ElementTree.Element) -> dict[str, float]:
+    """Rated speeds by joint, of ``<limit velocity>``; zero stands for none given."""
+    speeds = {}
+    for joint in root.iterfind("joint"):
+        limit, name = joint.find("limit"), joint.get("name", "")
+        text = None if limit is None else limit.get("velocity")
+        if text is None:
+            continue
+        try:
+            speed = float(text)
+        except ValueError:
+            speed = np.nan
+        if not speed >= 0:
+            raise InputError("model", f"limit velocity of {name}", "a number of at least 0 rad/s", repr(text))
+        if speed > 0:
+            speeds[name] = speed
+    return speeds
+
+
+def _numerics(root: ElementTree.Element) -> dict[str, Array]:
+    found = {}
+    for numeric in root.iterfind("mujoco/custom/numeric"):
+        name, text = numeric.get("name", ""), numeric.get("data", "")
+        if name not in (VELOCITY, ACCELERATION):
+            continue
+        try:
+            found[name] = np.array([float(word) for word in text.split()])
+        except ValueError:
+            raise InputError("model", f"custom numeric {name}", "numbers", repr(text)) from None
+    return found

@@ -1,0 +1,127 @@
+"""What a design may do: rated speeds of a model, and cautious ones where it states none."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.reached import within_reach
+from identification.errors import InputError
+from identification.excitation.design import DesignOptions
+from testbench.clearance import clearance_of
+from testbench.design_limits import CAUTIOUS_SLIDE, CAUTIOUS_SPEED, design_limits
+from testbench.excite import excite_model
+from testbench.robot import Robot, load_robot
+
+INERTIAL = (
+    '<inertial><origin xyz=".1 0 .02"/><mass value="2"/>'
+    '<inertia ixx=".01" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+URDF = f"""
+<robot name="two">
+  <link name="base"/>
+  <link name="upper">{INERTIAL}</link>
+  <link name="lower">{INERTIAL}</link>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="2" effort="40" velocity=".7"/><dynamics damping=".5" friction=".2"/>
+  </joint>
+  <joint name="elbow" type="continuous">
+    <parent link="upper"/><child link="lower"/><origin xyz=".3 0 0"/><axis xyz="0 1 0"/>
+    <limit effort="20" velocity="1.3"/>
+  </joint>
+</robot>
+"""
+# Two balls that are 3 cm apart at most, and one that is far out.
+BALLS = """
+<mujoco><compiler angle="radian"/><worldbody><body name="upper">
+  <joint axis="0 1 0" range="-1 1"/><geom type="sphere" size=".1" pos=".17 0 0"/>
+  <body name="lower" pos=".3 0 0"><joint axis="0 0 1" range="-2 2"/>
+    <inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/>
+    <body name="hand" pos=".1 0 0"><joint axis="1 0 0" range="-1 1"/><geom type="sphere" size=".1"/>
+      <geom type="sphere" size=".1" pos="2 0 0" name="tip"/>
+    </body></body></body></worldbody></mujoco>
+"""
+QUICK = DesignOptions(harmonics=3, base_frequency=0.25, starts=1, iterations=4, limit_share=0.9)
+
+
+def _robot(folder: Path, text: str, name: str = "arm.urdf") -> Robot:
+    path = folder / name
+    path.write_text(text)
+    return load_robot(path)
+
+
+def test_a_urdfs_rated_speeds_efforts_and_dynamics_are_read(tmp_path: Path) -> None:
+    robot = _robot(tmp_path, URDF)
+    np.testing.assert_array_equal(robot.limits.velocity, [0.7, 1.3])
+    np.testing.assert_array_equal(robot.limits.torque, [40, 20])
+    np.testing.assert_array_equal(robot.model.dof_frictionloss, [0.2, 0])
+    np.testing.assert_array_equal(robot.limits.upper, [2, np.inf])
+    assert np.all(np.isinf(robot.limits.acceleration))
+
+
+def test_custom_numerics_inside_a_urdf_count(tmp_path: Path) -> None:
+    custom = '<mujoco><custom><numeric name="acceleration_limit" data="3 5"/></custom></mujoco>'
+    robot = _robot(tmp_path, URDF.replace('<link name="base"/>', f'{custom}<link name="base"/>'))
+    np.testing.assert_array_equal(robot.limits.acceleration, [3, 5])
+    np.testing.assert_array_equal(robot.limits.velocity, [0.7, 1.3])
+
+
+def test_a_negative_rated_speed_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="limit velocity of shoulder"):
+        _robot(tmp_path, URDF.replace('velocity=".7"', 'velocity="-1"'))
+
+
+def test_a_design_keeps_a_urdfs_rated_speeds_and_prints_peaks_beside_limits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF)
+    found = excite_model(path, tmp_path / "motion.json", "logdet", QUICK, 1)
+    assert np.all(found.margins.peaks.velocity <= [0.7, 1.3])
+    np.testing.assert_allclose(found.margins.velocity + found.margins.peaks.velocity, [0.7, 1.3])
+    printed = capsys.readouterr().out
+    assert "no range in the model: ±π for elbow" in printed
+    (row,) = [line.split() for line in printed.splitlines() if line.startswith("shoulder")]
+    assert row[1:7:2] == [f"{float(peak[0]):.3g}" for peak in vars(found.margins.peaks).values()]
+    assert row[2:7:2] == ["0.7", "–", "40"]
+
+
+def test_what_a_model_does_not_rate_is_cautious_or_as_asked_and_said(tmp_path: Path) -> None:
+    robot = _robot(tmp_path, URDF.replace('velocity=".7"', "").replace('effort="40"', ""))
+    found = design_limits(robot)
+    np.testing.assert_array_equal(found.limits.velocity, [CAUTIOUS_SPEED, 1.3])
+    assert np.isfinite(found.limits.acceleration).tolist() == [True, False]
+    assert any(
+        "1 rad/s (a cautious default, --velocity-limit sets it) for shoulder" in s for s in found.assumed
+    )
+    np.testing.assert_array_equal(design_limits(robot, 2.5).limits.velocity, [2.5, 1.3])
+    with pytest.raises(InputError, match="velocity limit"):
+        design_limits(robot, 0.0)
+
+
+def test_a_slide_without_a_rated_speed_moves_at_the_reduced_speed(tmp_path: Path) -> None:
+    rail = URDF.replace('type="revolute"', 'type="prismatic"').replace('velocity=".7"', "")
+    assert design_limits(_robot(tmp_path, rail)).limits.velocity[0] == CAUTIOUS_SLIDE
+
+
+def test_pairs_that_are_never_clear_are_dropped_and_named_by_their_bodies(tmp_path: Path) -> None:
+    robot = _robot(tmp_path, BALLS, "arm.xml")
+    clearance, never = clearance_of(robot, 0.05)
+    assert clearance is not None
+    assert never == ("upper and hand",)
+    assert clearance.pairs == ("upper and tip",)
+    assert clearance_of(robot, 0.0)[1] == ()
+
+
+def test_the_next_experiment_is_no_faster_than_the_runs_where_no_speed_is_rated(tmp_path: Path) -> None:
+    class Run:
+        q = dq = ddq = tau = np.linspace(-0.4, 0.4, 5)[:, None] * np.ones(2)
+
+    robot = _robot(tmp_path, URDF)
+    limits = replace(robot.limits, velocity=np.array([0.7, np.inf]), lower=-np.ones(2), upper=np.ones(2))
+    found, filled = within_reach(limits, [Run()])  # type: ignore[list-item]  # what it reads of a run
+    assert filled
+    np.testing.assert_allclose(found.velocity, [0.7, 0.4], rtol=1e-3)
+    np.testing.assert_array_equal(found.torque, [40, 20])
