@@ -52,7 +52,7 @@ RANGES = ("jnt_range", "jnt_actfrcrange", "actuator_forcerange", "actuator_ctrlr
 
 
 def require_readable(path: Path) -> None:
-    """Raise InputError for a file that names what no model needs, or that MuJoCo cannot or should not compile.
+    """Raise InputError for a model that names what none needs, or that MuJoCo cannot or should not compile.
 
     It is looked through and compiled elsewhere: MuJoCo crashes on some files, and takes all time or memory on
     others. A URDF is changed before MuJoCo compiles it; who changes it calls ``require_sound_model``.
@@ -173,9 +173,7 @@ def _checked(name: str) -> None:
 
 
 def _is_mjcf(path: Path) -> bool:
-    """Whether a file is to be compiled as it is: no .xacro, nor a URDF."""
-    if path.suffix == ".xacro":
-        return False
+    """Whether a file is to be compiled as it is: it is no URDF."""
     try:
         return ElementTree.parse(path).getroot().tag != "robot"
     except (ElementTree.ParseError, UnicodeDecodeError, LookupError, ValueError):
