@@ -50,6 +50,10 @@ def design_room(
     is so clear. Raises InputError.
     """
     found = design_limits(robot, velocity_limit)
+    try:
+        require_usable(robot.chain, found.limits)
+    except InputError as error:
+        raise error.located(robot.path) from None
     if clearance is not None:
         pairs, notes = clearance_of(robot, clearance)
         return DesignRoom(found.limits, pairs, found.assumed + notes)
@@ -69,7 +73,6 @@ def design_room(
 def _can_rest(robot: Robot, limits: JointLimits, clearance: RobotClearance | None) -> bool:
     """Whether clearance leaves a configuration of rest; where torque forbids it, the design says so."""
     try:
-        require_usable(robot.chain, limits)
         resting_centres(robot.chain, robot.parameters, limits, clearance, 0)
     except InputError as error:
         return not error.field.startswith("clearance")
