@@ -116,23 +116,23 @@ def test_a_slide_without_a_rated_speed_moves_at_the_reduced_speed(tmp_path: Path
     assert design_limits(_robot(tmp_path, rail)).limits.velocity[0] == CAUTIOUS_SLIDE
 
 
-def test_a_pair_that_is_never_clear_is_kept_half_as_far_apart_as_it_can_be(tmp_path: Path) -> None:
+def test_a_pair_that_is_hardly_ever_clear_is_kept_half_as_far_apart_as_it_can_be(tmp_path: Path) -> None:
     robot = _robot(tmp_path, BALLS, "arm.xml")
     clearance, notes = clearance_of(robot, 0.05)
     assert clearance is not None
     assert clearance.pairs == ("upper and hand", "upper and tip")
-    assert notes == ("never 0.05 m apart, so kept half as far apart as they can be: upper and hand",)
-    # 3 cm apart at zero, which half of it is allowed.
-    assert clearance.distances(np.zeros((1, 3)))[0, 0] - 0.05 == pytest.approx(0.03 - 0.015, abs=1e-3)
+    assert notes == ("hardly ever 0.05 m apart, so kept half as far apart as they can be: upper and hand",)
+    # 3 cm apart at zero; as far apart as they can be counts what nine of ten poses do not exceed.
+    assert 0.03 - 0.015 < clearance.distances(np.zeros((1, 3)))[0, 0] - 0.05 < 0.03 - 0.012
     assert clearance_of(robot, 0.01)[1] == ()
 
 
-def test_a_pair_that_always_overlaps_is_dropped_by_name(tmp_path: Path) -> None:
+def test_a_pair_that_overlaps_is_dropped_by_name(tmp_path: Path) -> None:
     robot = _robot(tmp_path, BALLS.replace('pos=".17 0 0"', 'pos=".3 0 0"'), "arm.xml")
     clearance, notes = clearance_of(robot, 0.01)
     assert clearance is not None
     assert clearance.pairs == ("upper and tip",)
-    assert notes == ("always in touch, so not kept apart: upper and hand",)
+    assert notes == ("in touch in nine poses of ten, so not kept apart: upper and hand",)
 
 
 def test_a_clearance_that_no_pose_has_is_lowered_and_said_unless_it_was_asked_for(tmp_path: Path) -> None:
