@@ -19,6 +19,7 @@ from identification.kinematics import cross, kernel
 from identification.regressor import in_blocks
 
 from .design_limits import design_limits
+from .model_reading.wording import listed
 from .robot import Robot
 
 Array = NDArray[np.float64]
@@ -26,8 +27,9 @@ Indices = NDArray[np.int64]
 
 # Distances are exact up to this much, m, beyond the required one; a pair further apart gets that.
 REACH = 0.15
-# Random configurations over the joints' ranges: a pair that is clear in none of them counts as never clear.
-CONFIGURATIONS = 300
+# Random configurations over the joints' ranges, and the quantile of a pair's distances there that counts as how
+# far apart it can be: links whose shapes overlap but at the ends of a range are no pair to keep apart.
+CONFIGURATIONS, QUANTILE = 300, 0.9
 WITHOUT_VOLUME = {int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)}
 
 _library = ctypes.CDLL(mujoco._functions.__file__)
@@ -48,6 +50,7 @@ _geom_distance = types.ExternalFunction(
 class RobotClearance:
     """Distances of a robot's P geom pairs; implements ``identification.excitation.limits.Clearance``.
 
+    Of a pair that is allowed nearer than ``required``, as much is added to its distance: ``lowered`` (P,) m.
     parent, is_slide: (n,). required: m. pairs: P names. geoms: (P, 2) geom indices. links: (P, 2) the joint
     whose link carries each geom, -1 for the world.
     """
@@ -59,6 +62,7 @@ class RobotClearance:
     pairs: tuple[str, ...]
     geoms: Indices
     links: Indices
+    lowered: Array
     _idle: list[mujoco.MjData] = field(default_factory=list, repr=False, compare=False)
 
     def distances(self, q: Array) -> Array:
@@ -84,7 +88,7 @@ class RobotClearance:
             self._idle.append(data)
 
         in_blocks(measure, len(q), None)
-        return distances
+        return distances + self.lowered
 
     def _take_data(self) -> mujoco.MjData:
         """A work space for one thread; making one costs as much as hundreds of configurations."""
@@ -95,15 +99,16 @@ class RobotClearance:
 
 
 def robot_clearance(robot: Robot, required: float) -> RobotClearance | None:
-    """Clearance over the model's collision pairs that can be clear, or None where there is none."""
+    """Clearance over the model's collision pairs that can be apart, or None where there is none."""
     return clearance_of(robot, required)[0]
 
 
 def clearance_of(robot: Robot, required: float) -> tuple[RobotClearance | None, tuple[str, ...]]:
-    """Clearance over the collision pairs that can be clear, and the names of those that never are.
+    """Clearance over the collision pairs that can be apart, and sentences on those that cannot be so far.
 
-    A pair never is that was closer than ``required`` in every one of CONFIGURATIONS over the ranges: with it
-    no motion would be left. Raises InputError as ``_all_pairs``.
+    A pair's distances over CONFIGURATIONS in the ranges say how far apart it can be, see QUANTILE. One that
+    cannot be is left out. One that cannot be twice as far apart as required is asked for half of what it can
+    be, else next to no motion would be left. Raises InputError as ``_all_pairs``.
     """
     everything = _all_pairs(robot, required)
     if everything is None:
@@ -113,12 +118,32 @@ def clearance_of(robot: Robot, required: float) -> tuple[RobotClearance | None, 
         # A slide without a range is refused by name where a motion is designed.
         return everything, ()
     draw = np.random.default_rng(0).uniform(limits.lower, limits.upper, (CONFIGURATIONS, robot.joints))
-    can = everything.distances(draw).max(axis=0) >= required
-    never = tuple(name for name, possible in zip(everything.pairs, can, strict=True) if not possible)
+    most = np.quantile(everything.distances(draw), QUANTILE, axis=0)
+    can = (most > 0) | (required == 0)
+    own = np.minimum(required, np.maximum(most, 0) / 2)
+    notes = []
+    if not np.all(can):
+        notes.append(
+            f"in touch in nine poses of ten, so not kept apart: {listed(_where(everything.pairs, ~can))}"
+        )
+    near = can & (most < required)
+    if np.any(near):
+        names = listed(_where(everything.pairs, near))
+        notes.append(f"hardly ever {required:g} m apart, so kept half as far apart as they can be: {names}")
     if not np.any(can):
-        return None, never
-    kept = tuple(name for name, possible in zip(everything.pairs, can, strict=True) if possible)
-    return replace(everything, pairs=kept, geoms=everything.geoms[can], links=everything.links[can]), never
+        return None, tuple(notes)
+    kept = replace(
+        everything,
+        pairs=_where(everything.pairs, can),
+        geoms=everything.geoms[can],
+        links=everything.links[can],
+        lowered=(required - own)[can],
+    )
+    return kept, tuple(notes)
+
+
+def _where(names: tuple[str, ...], which: NDArray[np.bool_]) -> tuple[str, ...]:
+    return tuple(name for name, one in zip(names, which, strict=True) if one)
 
 
 def _all_pairs(robot: Robot, required: float) -> RobotClearance | None:
@@ -150,6 +175,7 @@ def _all_pairs(robot: Robot, required: float) -> RobotClearance | None:
         pairs=tuple(f"{_geom_name(model, a)} and {_geom_name(model, b)}" for a, b in ordered),
         geoms=geoms,
         links=carriers[geoms],
+        lowered=np.zeros(len(geoms)),
     )
 
 

@@ -10,6 +10,8 @@ from rich.text import Text
 from identification.errors import InputError
 from identification.excitation.design import DesignOptions, DesignProgress, design_excitation
 from identification.excitation.excitation import Excitation
+from identification.excitation.limits import JointLimits, require_usable, share_of
+from identification.excitation.random_motion import resting_centres
 
 from .clearance import RobotClearance, clearance_of
 from .design_limits import design_limits
@@ -23,6 +25,8 @@ from .terminal import console
 
 # Collision geoms are snug: what lies between them and the exterior, and the tracking error.
 CLEARANCE = 0.03
+# Below this, m, it is not lowered any more.
+SMALLEST_CLEARANCE = 2e-3
 
 
 @dataclass(frozen=True)
@@ -35,18 +39,42 @@ class DesignRoom:
 
 
 def design_room(
-    robot: Robot, velocity_limit: float | None = None, clearance: float = CLEARANCE
+    robot: Robot, limit_share: float, velocity_limit: float | None = None, clearance: float | None = None
 ) -> DesignRoom:
     """Limits and clearance of a robot's designs.
 
-    velocity_limit: of joints without a rated speed, rad/s (m/s). clearance: m. Raises InputError.
+    limit_share: of the limits that a design uses. velocity_limit: of joints without a rated speed, rad/s
+    (m/s). clearance: m; when None CLEARANCE, or a half, a quarter, ... of it where no configuration of rest
+    is so clear. Raises InputError.
     """
     found = design_limits(robot, velocity_limit)
-    pairs, never = clearance_of(robot, clearance)
-    notes = found.assumed
-    if never:
-        notes += (f"never {clearance:g} m apart, so not kept apart: {'; '.join(never)}",)
-    return DesignRoom(found.limits, pairs, notes)
+    try:
+        require_usable(robot.chain, found.limits)
+    except InputError as error:
+        raise error.located(robot.path) from None
+    if clearance is not None:
+        pairs, notes = clearance_of(robot, clearance)
+        return DesignRoom(found.limits, pairs, found.assumed + notes)
+    usable = share_of(found.limits, limit_share)
+    distance = CLEARANCE
+    while True:
+        pairs, notes = clearance_of(robot, distance)
+        if distance < SMALLEST_CLEARANCE or _can_rest(robot, usable, pairs):
+            break
+        distance /= 2
+    if distance < CLEARANCE:
+        lowered = f"nowhere clear by {CLEARANCE:g} m: parts are kept {distance:.2g} m apart (--clearance)"
+        notes = (lowered, *notes)
+    return DesignRoom(found.limits, pairs, found.assumed + notes)
+
+
+def _can_rest(robot: Robot, limits: JointLimits, clearance: RobotClearance | None) -> bool:
+    """Whether clearance leaves a configuration of rest; where torque forbids it, the design says so."""
+    try:
+        resting_centres(robot.chain, robot.parameters, limits, clearance, 0)
+    except InputError as error:
+        return not error.field.startswith("clearance")
+    return True
 
 
 def excite_model(
@@ -56,7 +84,7 @@ def excite_model(
     options: DesignOptions,
     jobs: int | None,
     velocity_limit: float | None = None,
-    clearance: float = CLEARANCE,
+    clearance: float | None = None,
     choice: Choice | None = None,
 ) -> Excitation:
     """Design an excitation for a model, write it to ``out`` as JSON and print its criteria and peaks.
@@ -66,7 +94,7 @@ def excite_model(
     require_writable(out, model)
     robot = load_robot(model, choice)
     print_notes(robot)
-    room = design_room(robot, velocity_limit, clearance)
+    room = design_room(robot, options.limit_share, velocity_limit, clearance)
     with steps() as progress, progress.step("design") as step:
         excitation = design(robot, room, criterion, options, jobs, step)
     write_excitation(excitation, out)

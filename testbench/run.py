@@ -150,7 +150,8 @@ def _motions(
 
 
 def _room(scenario: Scenario, robot: Robot) -> DesignRoom:
-    return design_room(robot, scenario.excitation.velocity_limit, scenario.excitation.clearance)
+    section = scenario.excitation
+    return design_room(robot, section.limit_share, section.velocity_limit, section.clearance)
 
 
 def _design(

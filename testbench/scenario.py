@@ -51,7 +51,7 @@ class ExcitationSection(_Section):
     """The excitation to design. starts: seeded restarts; limit_share: of the model's limits used.
 
     velocity_limit: rad/s (m/s), of joints whose model rates no speed, null for a cautious one. clearance: m
-    between parts, and to the floor.
+    between parts, and to the floor, null for what the robot has room for.
     """
 
     trajectory: Literal["fourier", "modified_fourier", "harmonic_sines", "quintic"] = "fourier"
@@ -61,7 +61,7 @@ class ExcitationSection(_Section):
     starts: Annotated[int, Field(ge=1, le=1000)] = 3
     limit_share: Annotated[float, Field(gt=0, le=1)] = 0.9
     velocity_limit: Annotated[float, _quantity("rad/s"), Field(gt=0, allow_inf_nan=False)] | None = None
-    clearance: Annotated[float, _quantity("m"), Field(ge=0, allow_inf_nan=False)] = 0.03
+    clearance: Annotated[float, _quantity("m"), Field(ge=0, allow_inf_nan=False)] | None = None
 
 
 class ValidationSection(_Section):

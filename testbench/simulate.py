@@ -4,6 +4,8 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from identification.errors import InputError
 
 from .effects import parse_injection
@@ -14,6 +16,9 @@ from .model_reading.reading import Choice
 from .progress import steps
 from .robot import load_robot, print_notes
 from .simulation import SimulationOptions, controller_gains, sample_reference, simulate, tracking
+
+# Share of the torque limit.
+TORQUE_NOISE = 0.01
 
 
 def simulate_model(
@@ -26,11 +31,13 @@ def simulate_model(
     seed: int,
     jobs: int | None,
     choice: Choice | None = None,
+    noisy: bool = False,
 ) -> Recording:
     """Drive a model along a trajectory file, write the robot-log to ``out`` and say so. Raises InputError.
 
     effects: as ``NAME[:joint[:key=value,...]]``, beside those of ``options``. choice: of the model; the
-    trajectory's joints are the robot's where it names none. A loop that ran away leaves no file.
+    trajectory's joints are the robot's where it names none. noisy: white noise of TORQUE_NOISE on the torque
+    of joints that have a torque limit, in place of that of ``options``. A loop that ran away leaves no file.
     """
     require_writable(out, model, trajectory)
     joint_names, motion = read_trajectory(trajectory)
@@ -39,6 +46,11 @@ def simulate_model(
     if joint_names != robot.joint_names:
         expected = f"the model's joints {', '.join(robot.joint_names)}"
         raise InputError(trajectory, "joint_names", expected, ", ".join(joint_names))
+    if noisy:
+        noise = np.where(np.isfinite(robot.limits.torque), TORQUE_NOISE, 0.0)
+        options = dataclasses.replace(
+            options, sensors=dataclasses.replace(options.sensors, torque_noise=noise)
+        )
     injections = tuple(parse_injection(robot, text) for text in effects)
     options = dataclasses.replace(options, effects=options.effects + injections)
     reference = sample_reference(motion, options.controller.rate, periods)

@@ -8,10 +8,10 @@ import pytest
 
 from diagnosis.reached import within_reach
 from identification.errors import InputError
-from identification.excitation.design import DesignOptions
+from identification.excitation.design import DesignOptions, random_excitation
 from testbench.clearance import clearance_of
 from testbench.design_limits import CAUTIOUS_SLIDE, CAUTIOUS_SPEED, design_limits
-from testbench.excite import excite_model
+from testbench.excite import CLEARANCE, design_room, excite_model
 from testbench.robot import Robot, load_robot
 
 INERTIAL = (
@@ -42,6 +42,16 @@ BALLS = """
     <body name="hand" pos=".1 0 0"><joint axis="1 0 0" range="-1 1"/><geom type="sphere" size=".1"/>
       <geom type="sphere" size=".1" pos="2 0 0" name="tip"/>
     </body></body></body></worldbody></mujoco>
+"""
+# A ball on a rail between two walls: 2 cm from both in the middle, 8 cm from one at the other.
+WALLS = """
+<mujoco><worldbody>
+  <geom name="left" type="box" size=".1 .1 .1" pos="-.22 0 0"/>
+  <geom name="right" type="box" size=".1 .1 .1" pos=".22 0 0"/>
+  <body name="cart"><joint name="rail" type="slide" axis="1 0 0" range="-.06 .06" actuatorfrcrange="-50 50"/>
+    <inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/>
+    <body name="ball"><joint name="spin" axis="1 0 0" range="-1 1" actuatorfrcrange="-5 5"/>
+      <geom type="sphere" size=".1"/></body></body></worldbody></mujoco>
 """
 QUICK = DesignOptions(harmonics=3, base_frequency=0.25, starts=1, iterations=4, limit_share=0.9)
 
@@ -106,13 +116,35 @@ def test_a_slide_without_a_rated_speed_moves_at_the_reduced_speed(tmp_path: Path
     assert design_limits(_robot(tmp_path, rail)).limits.velocity[0] == CAUTIOUS_SLIDE
 
 
-def test_pairs_that_are_never_clear_are_dropped_and_named_by_their_bodies(tmp_path: Path) -> None:
+def test_a_pair_that_is_hardly_ever_clear_is_kept_half_as_far_apart_as_it_can_be(tmp_path: Path) -> None:
     robot = _robot(tmp_path, BALLS, "arm.xml")
-    clearance, never = clearance_of(robot, 0.05)
+    clearance, notes = clearance_of(robot, 0.05)
     assert clearance is not None
-    assert never == ("upper and hand",)
+    assert clearance.pairs == ("upper and hand", "upper and tip")
+    assert notes == ("hardly ever 0.05 m apart, so kept half as far apart as they can be: upper and hand",)
+    # 3 cm apart at zero; as far apart as they can be counts what nine of ten poses do not exceed.
+    assert 0.03 - 0.015 < clearance.distances(np.zeros((1, 3)))[0, 0] - 0.05 < 0.03 - 0.012
+    assert clearance_of(robot, 0.01)[1] == ()
+
+
+def test_a_pair_that_overlaps_is_dropped_by_name(tmp_path: Path) -> None:
+    robot = _robot(tmp_path, BALLS.replace('pos=".17 0 0"', 'pos=".3 0 0"'), "arm.xml")
+    clearance, notes = clearance_of(robot, 0.01)
+    assert clearance is not None
     assert clearance.pairs == ("upper and tip",)
-    assert clearance_of(robot, 0.0)[1] == ()
+    assert notes == ("in touch in nine poses of ten, so not kept apart: upper and hand",)
+
+
+def test_a_clearance_that_no_pose_has_is_lowered_and_said_unless_it_was_asked_for(tmp_path: Path) -> None:
+    # The far ball is between 2 and 4 cm from a wall, where the near pair needs no room.
+    robot = _robot(tmp_path, WALLS, "arm.xml")
+    room = design_room(robot, 0.9)
+    assert room.clearance is not None
+    assert room.clearance.required == CLEARANCE / 2
+    assert room.notes[-1] == "nowhere clear by 0.03 m: parts are kept 0.015 m apart (--clearance)"
+    asked = design_room(robot, 0.9, clearance=CLEARANCE)
+    with pytest.raises(InputError, match="clearance of"):
+        random_excitation(robot.chain, robot.parameters, asked.limits, QUICK, asked.clearance)
 
 
 def test_the_next_experiment_is_no_faster_than_the_runs_where_no_speed_is_rated(tmp_path: Path) -> None:

@@ -36,7 +36,10 @@ def excite(
         float | None,
         Parameter(help="rad/s (m/s), of joints whose model rates no speed; 1 rad/s, 0.25 m/s when not given"),
     ] = None,
-    clearance: Annotated[float, Parameter(help="m to keep between parts, and to the floor")] = 0.03,
+    clearance: Annotated[
+        float | None,
+        Parameter(help="m between parts, and to the floor; 0.03, or what there is room for, when not given"),
+    ] = None,
     chosen: Chosen = AS_LOGGED,
     seed: Seed = 0,
     jobs: Jobs = None,
@@ -72,7 +75,10 @@ def simulate(
     ] = "pd_with_model_feedforward",
     bandwidth: Annotated[float, Parameter(help="Hz, of the position loop")] = 6.0,
     encoder_bits: Annotated[int, Parameter(help="counts a turn, 2**bits; 0 for an exact encoder")] = 17,
-    torque_noise: Annotated[float, Parameter(help="white noise as a share of the torque limit")] = 0.01,
+    torque_noise: Annotated[
+        float | None,
+        Parameter(help="white noise as a share of the torque limit; 0.01 where there is one when not given"),
+    ] = None,
     chosen: Chosen = AS_LOGGED,
     seed: Seed = 0,
     jobs: Jobs = None,
@@ -86,11 +92,12 @@ def simulate(
         sensors=SensorOptions(
             encoder_bits=encoder_bits,
             slide_resolution=1e-6 if encoder_bits else 0.0,
-            torque_noise=torque_noise,
+            torque_noise=0.0 if torque_noise is None else torque_noise,
         ),
         physics_timestep=2e-4,
     )
-    simulate_model(model, trajectory, out, periods, options, effect or (), seed, jobs, chosen.choice())
+    noisy = torque_noise is None
+    simulate_model(model, trajectory, out, periods, options, effect or (), seed, jobs, chosen.choice(), noisy)
 
 
 def identify(

@@ -110,7 +110,7 @@ def _motions(scenario: Scenario, fitted: bool) -> dict[str, Trajectory]:
     random = DesignOptions(
         harmonics=scenario.validation.harmonics, base_frequency=scenario.validation.base_frequency, **shared
     )
-    room = design_room(robot, section.velocity_limit, section.clearance)
+    room = design_room(robot, section.limit_share, section.velocity_limit, section.clearance)
     chain, parameters, limits, clearance = robot.chain, robot.parameters, room.limits, room.clearance
     motions = {"validation": random_excitation(chain, parameters, limits, random, clearance).trajectory}
     if fitted:

@@ -25,8 +25,8 @@ from identification.excitation.trajectories import trajectory_from_dict
 from identification.excitation.trajectory import Trajectory
 from identification.excitation.two_stage import design_two_stage
 
-from ..clearance import RobotClearance, robot_clearance
-from ..design_limits import design_limits
+from ..clearance import RobotClearance
+from ..excite import design_room
 from ..robot import Robot
 from ..scenario import Scenario
 from .case import Case, Row
@@ -65,11 +65,12 @@ def run(case: Case) -> Row:
         limit_share=scenario.excitation.limit_share,
         seed=case.seed,
     )
-    robot = replace(robot, limits=design_limits(robot, scenario.excitation.velocity_limit).limits)
+    section = scenario.excitation
+    room = design_room(robot, section.limit_share, section.velocity_limit, section.clearance)
+    robot, clearance = replace(robot, limits=room.limits), room.clearance
     if case.choice == ALONE:
         return _alone(robot, options)
     # Loads compiled kernels, so that the design is timed alone.
-    clearance = robot_clearance(robot, scenario.excitation.clearance)
     _design(robot, clearance, "hadamard", replace(options, iterations=1))
     began = time.process_time()
     motion, evaluations = _design(robot, clearance, case.choice, options)

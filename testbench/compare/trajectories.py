@@ -30,7 +30,7 @@ def run(case: Case) -> Row:
         limit_share=section.limit_share,
         seed=case.seed,
     )
-    room = design_room(robot, section.velocity_limit, section.clearance)
+    room = design_room(robot, section.limit_share, section.velocity_limit, section.clearance)
     # Loads compiled kernels, so that the design is timed alone.
     base_parameters(robot.chain)
     design, seconds = timed(

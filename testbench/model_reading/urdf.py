@@ -30,6 +30,8 @@ ONCE = {
 }
 # kg, kg·m² of a body that has none: next to nothing, but MuJoCo wants some of every body that moves.
 LEAST = "1e-12"
+# rad/s (m/s): what no drive of an arm or a leg does; such numbers fill a field that must not be empty.
+NO_RATING = 100.0
 MOVING = ("revolute", "continuous", "prismatic")
 
 
@@ -156,7 +158,7 @@ def _compiler(root: ElementTree.Element) -> ElementTree.Element:
 
 
 def _speeds(root: ElementTree.Element) -> dict[str, float]:
-    """Rated speeds by joint, of ``<limit velocity>``; zero stands for none given."""
+    """Rated speeds by joint, of ``<limit velocity>``; zero and NO_RATING or more stand for none given."""
     speeds = {}
     for joint in root.iterfind("joint"):
         limit, name = joint.find("limit"), joint.get("name", "")
@@ -169,7 +171,7 @@ def _speeds(root: ElementTree.Element) -> dict[str, float]:
             speed = np.nan
         if not speed >= 0:
             raise InputError("model", f"limit velocity of {name}", "a number of at least 0 rad/s", repr(text))
-        if speed > 0:
+        if 0 < speed < NO_RATING:
             speeds[name] = speed
     return speeds
 
