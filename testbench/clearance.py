@@ -27,8 +27,8 @@ Indices = NDArray[np.int64]
 
 # Distances are exact up to this much, m, beyond the required one; a pair further apart gets that.
 REACH = 0.15
-# Random configurations over the joints' ranges, and the quantile of a pair's distances there that counts as how
-# far apart it can be: links whose shapes overlap but at the ends of a range are no pair to keep apart.
+# Random configurations over the joints' ranges, and the quantile of a pair's distances there that counts as
+# how far apart it can be: links whose shapes overlap but at the ends of a range are no pair to keep apart.
 CONFIGURATIONS, QUANTILE = 300, 0.9
 WITHOUT_VOLUME = {int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)}
 

@@ -35,7 +35,8 @@ def _of_joints(model: Any) -> Iterator[str]:
 
 def _of_bodies(model: Any) -> Iterator[str]:
     if gravity(model).any():
-        for body in np.flatnonzero(model.body_gravcomp):
+        # On what no joint moves it does nothing.
+        for body in np.flatnonzero((model.body_gravcomp != 0) & (model.body_weldid != 0)):
             yield f"gravcomp {_text(model.body_gravcomp[body])} of body {model.body(body).name}"
     for body in np.flatnonzero(model.body_plugin >= 0):
         yield f"a plugin of body {model.body(body).name}"
