@@ -8,8 +8,9 @@ from typing import Any
 
 from testbench.files import read_json
 
-# Hz of the designs, 5 s a period, and seeds of two of them: one motion cannot be judged by itself.
-BASE_FREQUENCY, DESIGNS = 0.2, (0, 1)
+# Hz and harmonics of the designs, few for the sake of time, and seeds of two of them: one motion cannot be
+# judged by itself.
+BASE_FREQUENCY, HARMONICS, DESIGNS = 0.2, 3, (0, 1)
 # The effect that a robot has when it is not healthy.
 EFFECT = "payload"
 # Seconds that a command may take.
@@ -57,7 +58,7 @@ def judge(model: Path, name: str, folder: Path, options: tuple[str, ...] = ()) -
             motion = folder / f"motion_{seed}.json"
             said = _run(
                 folder, "excite", "--model", model, *options, "--out", motion, "--starts", "1",
-                "--base-frequency", BASE_FREQUENCY, "--seed", seed,
+                "--base-frequency", BASE_FREQUENCY, "--harmonics", HARMONICS, "--seed", seed,
             )  # fmt: skip
             document = read_json(motion)
             outcome = replace(
