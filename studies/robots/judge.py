@@ -11,8 +11,8 @@ from testbench.files import read_json
 # Hz and harmonics of the designs, few for the sake of time, and seeds of two of them: one motion cannot be
 # judged by itself.
 BASE_FREQUENCY, HARMONICS, DESIGNS = 0.2, 3, (0, 1)
-# The effect that a robot has when it is not healthy.
-EFFECT = "payload"
+# The effect that a robot has when it is not healthy: one that any drive can bear.
+EFFECT = "torque_gain_error:1"
 # Seconds that a command may take.
 PATIENCE = 900.0
 # Names of this probability or more are reported.
