@@ -8,10 +8,11 @@ from typing import Any
 
 from testbench.files import read_json
 
-# Hz of the designs, 5 s a period, and seeds of two of them: one motion cannot be judged by itself.
-BASE_FREQUENCY, DESIGNS = 0.2, (0, 1)
-# The effect that a robot has when it is not healthy.
-EFFECT = "payload"
+# Hz and harmonics of the designs, few for the sake of time, and seeds of two of them: one motion cannot be
+# judged by itself.
+BASE_FREQUENCY, HARMONICS, DESIGNS = 0.2, 3, (0, 1)
+# The effect that a robot has when it is not healthy: one that any drive can bear.
+EFFECT = "torque_gain_error:1"
 # Seconds that a command may take.
 PATIENCE = 900.0
 # Names of this probability or more are reported.
@@ -57,7 +58,7 @@ def judge(model: Path, name: str, folder: Path, options: tuple[str, ...] = ()) -
             motion = folder / f"motion_{seed}.json"
             said = _run(
                 folder, "excite", "--model", model, *options, "--out", motion, "--starts", "1",
-                "--base-frequency", BASE_FREQUENCY, "--seed", seed,
+                "--base-frequency", BASE_FREQUENCY, "--harmonics", HARMONICS, "--seed", seed,
             )  # fmt: skip
             document = read_json(motion)
             outcome = replace(
