@@ -281,7 +281,7 @@ BAD_MODELS = [
     (in_body(f'<body><joint name="hip" type="ball"/>{LINK}</body>'), ["hip", "got ball"]),
     (
         in_body(f'<body><freejoint name="root"/>{LINK}<body><joint name="hip"/>{LINK}</body></body>'),
-        ["root", "fixed base", "hold the trunk"],
+        ["root, which floats", "a fixed base", "--fix-base"],
     ),
     (in_body(f"<body>{LINK}</body>"), ["joint", "at least one"]),
     ("<mujoco><worldbody>", ["XML that MuJoCo loads"]),
@@ -346,9 +346,17 @@ BAD_LOGS = [
     (other_joints, ["bad.h5: joint_names", "'shoulder', 'elbow'", "'waist', 'knee'"]),
     (degrees, ["bad.h5: joint/position", "deg"]),
     (stands_still, ["bad.h5: motion", "dead zone", "got 0"]),
-    (one_joint_moves, ["bad.h5: motion", "nothing that reveals", "elbow"]),
     (few_samples, ["bad.h5: time", "at least 0.2 s", "got 0.06 s"]),
 ]
+
+
+def test_a_motion_that_leaves_parameters_open_is_refused_when_asked(
+    place: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    changed(place / "fit.h5", place / "bad.h5", one_joint_moves)
+    line = complaint("identify --strict --model arm.xml bad.h5 --out d", capfd)
+    for part in ("bad.h5: motion", "nothing that reveals", "elbow"):
+        assert part in line
 
 
 @pytest.mark.parametrize(("change", "says"), BAD_LOGS, ids=[change.__name__ for change, _ in BAD_LOGS])

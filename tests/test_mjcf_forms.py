@@ -13,7 +13,7 @@ from testbench.effects.mjcf_form import write_effects
 from testbench.log import Recording
 from testbench.robot import Robot, load_robot
 from testbench.simulation import ControllerOptions, SimulationOptions, sample_reference, simulate
-from testbench.simulation.controller import feedforward, gains, velocity_pole
+from testbench.simulation.controller import feedforward, velocity_pole
 
 RATE, STEP_SIZE = 1000.0, 2e-4
 OPTIONS = ControllerOptions()
@@ -98,7 +98,8 @@ def native_torque(
     position = [int(model.joint(name).qposadr[0]) for name in names]
     motors = [motor(model, model.joint(name).id) for name in names]
     limits = robot.limits
-    kp, kd = gains(OPTIONS, robot.chain, robot.parameters, limits.lower, limits.upper)
+    assert run.controller is not None
+    kp, kd = run.controller.kp, run.controller.kd
     forward = feedforward(robot.chain, robot.parameters, REFERENCE, OPTIONS.coulomb_smoothing)
     pole, rate = velocity_pole(OPTIONS), np.zeros(len(names))
     data.qpos[position] = run.position[0]

@@ -81,7 +81,7 @@ def test_it_has_a_name_and_another_run_is_foretold_by_it(crane, tmp_path):
 
 
 def test_a_zero_that_is_not_among_the_first_that_are_found_is_given_up(crane, monkeypatch):
-    ripple = parse_injection(crane, "transmission_ripple:turn:amplitude=40,cycles=30,phase=0.2")
+    ripple = parse_injection(crane, "transmission_ripple:turn:amplitude=40,cycles=15,phase=0.2")
     offset = parse_injection(crane, f"encoder_offset:lift:offset={np.deg2rad(11)}")
     prepared = prepare(crane, simulated_runs(crane, [offset, ripple], runs=3))
     assert attribute(prepared).prepared.zeros.any()

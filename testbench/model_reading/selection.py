@@ -54,7 +54,7 @@ def select(model: Any, asked: Sequence[str] | None, fix_base: bool) -> Selection
         fixed = [joint for joint in every if joint not in floating]
         held = () if fixed or not floating else tuple(joint for joint, carried in floats.items() if carried)
         if held and not fix_base:
-            base = model.body(model.jnt_bodyid[held[0]]).name
+            base = model.body(model.jnt_bodyid[held[0]]).name or joint_label(model, held[0])
             expected = "a fixed base: --fix-base holds it, as logs or --joints of its joints alone do"
             raise InputError("model", "base", expected, f"{base}, which floats")
         among = set(fixed or floating)
