@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 DETERMINED = 0.5
 # Share of a joint's motion that one sine makes where it holds nothing else.
 ONE_SINE = 0.98
+# Frequencies that differ by less than this factor are one.
+SAME = 1.1
 
 
 @dataclass(frozen=True)
@@ -49,32 +51,35 @@ def motion_remarks(problem: Problem) -> tuple[str, ...]:
     """Joints that stood still in all runs, and those that followed one sine in each."""
     dead_zone = problem.preprocessing.dead_zone
     names = problem.chain.joint_names
-    still, sines = [], []
+    still: list[str] = []
+    same: list[str] = []
+    several: list[str] = []
     for joint, name in enumerate(names):
         moving = [run for run in problem.observations if np.abs(run.dq[:, joint]).max() > dead_zone]
+        found = [sine_frequency(run, joint) for run in moving]
         if not moving:
             still.append(name)
-            continue
-        found = [sine_frequency(run, joint) for run in moving]
-        frequencies = sorted({f"{each:.2g}" for each in found if each is not None})
-        if None not in found:
-            sines.append((name, " and ".join(frequencies)))
+        elif None not in found:
+            frequencies = [each for each in found if each is not None]
+            (same if max(frequencies) < SAME * min(frequencies) else several).append(name)
     remarks = []
     if still:
         remarks.append(f"{_listed(still)} stood still")
-    for frequency in dict.fromkeys(frequency for _, frequency in sines):
-        joints = [name for name, own in sines if own == frequency]
-        verb = "follows" if len(joints) == 1 else "follow"
-        apart = "can hardly" if "and" in frequency else "cannot"
-        remarks.append(
-            f"{_listed(joints)} {verb} one sine in each run ({frequency} Hz):"
-            f" inertia and gravity {apart} be told apart"
-        )
+    for joints, when, apart in (
+        (same, "one sine at one frequency", "cannot"),
+        (several, "one sine in each run", "can hardly"),
+    ):
+        if joints:
+            verb = "follows" if len(joints) == 1 else "follow"
+            remarks.append(
+                f"{_listed(joints)} {verb} {when}: inertia and gravity there {apart} be told apart"
+            )
     return tuple(remarks)
 
 
 def sine_frequency(run: Observations, joint: int) -> float | None:
-    """The frequency, Hz, of a joint that follows one sine in a run; None where its motion holds more.
+    """The frequency, Hz, of a joint that follows one sine in a run; None where its motion holds more, or less
+    than a period.
 
     A sine's acceleration is -w² times its position, so inertia and a linear gravity torque are collinear.
     """
@@ -87,7 +92,8 @@ def sine_frequency(run: Observations, joint: int) -> float | None:
     # Between the lines of a short run, one on either side of its largest.
     tried = peak + np.linspace(-1, 1, 41) * lines[1]
     left, frequency = min((_without_sine(position, run.time, each), each) for each in tried if each > 0)
-    return float(frequency) if left < (1 - ONE_SINE) * total else None
+    is_whole = frequency * len(position) >= run.sample_rate
+    return float(frequency) if is_whole and left < (1 - ONE_SINE) * total else None
 
 
 def _without_sine(position: Array, time: Array, frequency: float) -> float:
