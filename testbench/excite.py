@@ -25,7 +25,7 @@ from .terminal import console
 
 # Collision geoms are snug: what lies between them and the exterior, and the tracking error.
 CLEARANCE = 0.03
-# Below this, m, it is not lowered any more.
+# Below this, m, it is not halved any more: parts may touch.
 SMALLEST_CLEARANCE = 2e-3
 
 
@@ -59,9 +59,9 @@ def design_room(
     distance = CLEARANCE
     while True:
         pairs, notes = clearance_of(robot, distance)
-        if distance < SMALLEST_CLEARANCE or _can_rest(robot, usable, pairs):
+        if distance == 0 or _can_rest(robot, usable, pairs):
             break
-        distance /= 2
+        distance = distance / 2 if distance > SMALLEST_CLEARANCE else 0.0
     if distance < CLEARANCE:
         lowered = f"nowhere clear by {CLEARANCE:g} m: parts are kept {distance:.2g} m apart (--clearance)"
         notes = (lowered, *notes)
