@@ -16,7 +16,7 @@ def test_a_model_that_is_no_robot_is_told_by_its_one_line(tmp_path: Path) -> Non
     (tmp_path / "still.urdf").write_text(STILL)
     outcome = judge(tmp_path / "still.urdf", "still.urdf", tmp_path / "work")
     assert (outcome.stopped, outcome.works, outcome.joints) == ("excite", False, 0)
-    assert outcome.reason.endswith("joint: expected at least one hinge or slide joint, got none")
+    assert outcome.reason == "still.urdf: joint: expected at least one hinge or slide joint, got none"
 
 
 def test_a_design_beyond_a_rated_speed_does_not_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

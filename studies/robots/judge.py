@@ -77,7 +77,7 @@ def judge(model: Path, name: str, folder: Path, options: tuple[str, ...] = ()) -
         outcome = replace(outcome, affected=_names(model, affected, folder / "affected", options))
     except _StoppedError as error:
         stopped, reason = error.args
-        return replace(outcome, stopped=stopped, reason=reason)
+        return replace(outcome, stopped=stopped, reason=reason.replace(str(model), model.name))
     return outcome
 
 
