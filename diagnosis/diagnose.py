@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.checks.finding import Finding
+from recordings.checks.finding import Finding, barring
 from testbench.log import Recording
 from testbench.robot import Robot
 
@@ -26,7 +26,7 @@ from .held_out.unlike import without_differences
 from .hypothesis import Design
 from .intervals import rms_interval
 from .localisation import where
-from .misleading import without_misleading, without_untold
+from .misleading import without_misleading, without_undetermined
 from .motion.one_sine import one_sine
 from .naming import is_how_runs_begin
 from .noise import noise
@@ -62,7 +62,7 @@ def diagnose(
     checks of these logs. Raises InputError for runs that are too short.
     """
     alike, differences = without_differences(aligned(robot, recordings, cutoff), payloads)
-    found = without_untold(attribute(alike, without))
+    found = without_undetermined(attribute(alike, without))
     prepared = found.prepared
     only = found.parameters_only[0], with_predictive_prior(*found.parameters_only)
     found, (hypothesis, fitted) = without_misleading(found, only)
@@ -90,13 +90,13 @@ def diagnose(
     effects = tuple(_named(found, index) for index in named)
     probabilities = certainties(effects, gap, len(prepared.runs))
     effects = tuple(replace(each, probability=p) for each, p in zip(effects, probabilities, strict=True))
-    barring = next((each for each in log_findings if each.bars_names), None)
-    if barring is None:
+    barred = barring(log_findings)
+    if barred is None:
         verdict = _verdict(found, gap)
         sentence = sentence_of(robot, verdict, effects, found.unknown, gap, torque)
     else:
         # Beside such a gap whatever has a name stands for a part of it.
-        verdict, sentence = "unknown", f"{barring.sentence}. Mend that first: beside it no effect is named."
+        verdict, sentence = "unknown", f"{barred.sentence}. Mend that first: beside it no effect is named."
     fitted = final[1]
     return Diagnosis(
         robot=robot,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.checks.finding import Finding
+from recordings.checks.finding import Finding, barring
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 from testbench.robot import Robot
@@ -196,8 +196,8 @@ class Diagnosis:
 
     @property
     def barred(self) -> Finding | None:
-        """What the logs have that is to be mended before any effect is named; None for nothing."""
-        return next((each for each in self.log_findings if each.bars_names), None)
+        """The finding of the logs to be mended before any effect is named; None where there is none."""
+        return barring(self.log_findings)
 
     @property
     def mended(self) -> dict[str, int]:

@@ -34,10 +34,10 @@ def without_misleading(
         found, final = min(trials, key=lambda trial: float(squares(trial[1][1].held_out)[joint]))
 
 
-def without_untold(found: Attribution) -> Attribution:
-    """The attribution without effects that these runs tell too little of to predict another motion.
+def without_undetermined(found: Attribution) -> Attribution:
+    """The attribution without effects that these runs determine too badly to predict another motion.
 
-    Those without a name, at joints of which too little is told for one: a few seconds of one motion suit any
+    Those that are not reported, at joints that move too little for it: a few seconds of one motion suit any
     law. At joints that only ever move by themselves all of those, and what re-identification swallows: what
     other joints' motion loads them with was never seen.
     """
@@ -45,7 +45,7 @@ def without_untold(found: Attribution) -> Attribution:
     enough = found.hypothesis.is_told & ~by_itself
     together = np.any(found.prepared.moved.any(axis=0) & ~by_itself)
 
-    def is_told(item: Accepted) -> bool:
+    def is_determined(item: Accepted) -> bool:
         joint = item.candidate.family.joint
         if joint is None:
             return bool(together) or not item.candidate.family.swallowed
@@ -53,7 +53,7 @@ def without_untold(found: Attribution) -> Attribution:
             return True
         return item.named and not (item.candidate.family.swallowed and by_itself[joint])
 
-    kept = [item for item in found.accepted if is_told(item)]
+    kept = [item for item in found.accepted if is_determined(item)]
     if len(kept) == len(found.accepted):
         return found
     hypothesis, fitted = fitted_to(found.prepared, [item.candidate for item in kept])

@@ -96,8 +96,3 @@ def known_unit(text: str) -> str:
 def factor_of(quantity: str, unit: str, is_slide: bool) -> float | None:
     """What one of a unit is in SI units of this quantity; None where it is no unit of it."""
     return 1.0 if unit == SI else UNITS[quantity][is_slide].get(known_unit(unit) or unit)
-
-
-def si_unit(quantity: str, is_slide: bool = False) -> str:
-    """The SI unit of a quantity."""
-    return next(iter(UNITS[quantity][is_slide]))

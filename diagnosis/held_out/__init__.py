@@ -1,1 +1,1 @@
-"""What runs that were left out say of a fit: how much of it to keep, and whether the runs are alike."""
+"""Held-out runs against a fit: how much of it to keep, and whether the runs are alike."""

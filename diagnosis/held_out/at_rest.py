@@ -1,4 +1,4 @@
-"""What the models leave of samples near rest, of which no fit has any: a prediction is of those, too."""
+"""Residuals of the models at samples near rest, which no fit uses but predictions include."""
 
 from collections.abc import Sequence
 from dataclasses import replace

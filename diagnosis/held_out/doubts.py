@@ -21,9 +21,10 @@ ONE_SINE = "fitted, but each joint follows one sine: laws of position and inerti
 
 
 def with_support(accepted: Sequence[Accepted], kept: Kept) -> tuple[Accepted, ...]:
-    """What was taken in, without the names of effects of which left-out runs keep nothing at their joints.
+    """The fitted effects, those not reported of which held-out runs keep nothing at their joints.
 
-    What re-identification swallows is told by the parameters' shift, and a push foretells no other run.
+    Exempt are effects that re-identification absorbs, which the parameters' shift shows, and pushes, which
+    predict no other run.
     """
     return tuple(
         replace(a, named=False, doubt=NOT_PREDICTED) if _is_unsupported(a, kept) else a for a in accepted

@@ -49,7 +49,7 @@ def everything(joints: int) -> Kept:
 def shares_kept(
     left_out: Sequence[Sequence[Array]], at_rest: Sequence[Sequence[Array]], weights: Array
 ) -> Kept:
-    """What to keep by residuals of samples that were not fitted, a run (M, n) each, zero where none counts.
+    """Shares to keep, by residuals of samples that were not fitted: (M, n) a run, zero where none counts.
 
     left_out: by the model as given, re-identified, and with the effects, of runs that were left out, whose
     errors are never made larger. at_rest: the same near rest, where nothing is fitted. weights: (n,) of the

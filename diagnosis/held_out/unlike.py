@@ -38,7 +38,7 @@ TOLD = 0.05
 
 @dataclass(frozen=True)
 class Difference:
-    """What one run has and others have not.
+    """A payload, or torque offsets, that one run has and the others have not.
 
     run: its name. kind: PAYLOAD or OFFSETS. mass: kg, of a payload. offsets: (n,) N·m, zero of a payload.
     gains, deviations: (n,) of the drives by a payload of known mass, relative, true = (1 + gain) reported.
@@ -125,7 +125,7 @@ def _payload(prepared: Prepared) -> Candidate:
 
 
 def _most(prepared: Prepared, payload: Candidate, taken: set[str]) -> _Own | None:
-    """What explains most of what all runs leave, of those that are large and sure."""
+    """The difference that explains most of all runs' residuals, of those that are large and certain."""
     hypothesis, fitted = fitted_to(prepared, [])
     tried = [
         _explained(hypothesis, fitted, index, kind, payload)

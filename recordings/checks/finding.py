@@ -1,5 +1,6 @@
 """A finding: something that a log has and that its reader should know before anything is fitted."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -37,3 +38,8 @@ class Finding:
     def error(self, source: str | Path) -> InputError:
         """The refusal of a log, ``source``, that has this."""
         return InputError(source, self.field, self.expected, self.sentence)
+
+
+def barring(findings: Sequence[Finding]) -> Finding | None:
+    """The first finding beside which no effect is named; None where there is none."""
+    return next((each for each in findings if each.bars_names), None)

@@ -76,8 +76,3 @@ def reader_of(path: Path) -> Reader:
     raise InputError(
         path, "log", "a recording", got, [each.FORMAT.description for each in readers().values()]
     )
-
-
-def read_tables(path: Path) -> list[Table]:
-    """The runs in a file as tables, at least one. Raises InputError."""
-    return reader_of(Path(path)).read(Path(path))

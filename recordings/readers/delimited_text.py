@@ -23,7 +23,6 @@ COMMENTS = ("#", "%", "//")
 SAMPLE = 50
 # A separator splits this share of them alike.
 MOST = 0.8
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.IGNORECASE)
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 # Whole numbers that are kept as such.
 LARGEST, DIGITS = np.iinfo(np.int64).max, 19
