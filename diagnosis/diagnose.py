@@ -69,7 +69,8 @@ def diagnose(
     final = hypothesis, with_predictive_prior(hypothesis, fitted)
     again = recurrence(*final)
     model = corrected_by(only[1], final, again, everything(robot.joints))
-    kept, left = _kept(only, final, left_at_rest(prepared, model), _torque(prepared))
+    barred = barring(log_findings)
+    kept, left = _kept(only, final, left_at_rest(prepared, model), _torque(prepared), barred is None)
     only, gap = (only[0], replace(only[1], held_out=left[1])), _gap(prepared, final[0], left)
     fitted_gap = rms(final[1].residual, final[0])
     torque = _torque(prepared)
@@ -90,13 +91,16 @@ def diagnose(
     effects = tuple(_named(found, index) for index in named)
     probabilities = certainties(effects, gap, len(prepared.runs))
     effects = tuple(replace(each, probability=p) for each, p in zip(effects, probabilities, strict=True))
-    barred = barring(log_findings)
     if barred is None:
         verdict = _verdict(found, gap)
         sentence = sentence_of(robot, verdict, effects, found.unknown, gap, torque)
     else:
         # Beside such a gap whatever has a name stands for a part of it.
-        verdict, sentence = "unknown", f"{barred.sentence}. Mend that first: beside it no effect is named."
+        stop = "" if barred.sentence.endswith("?") else "."
+        verdict, sentence = (
+            "unknown",
+            f"{barred.sentence}{stop} Mend that first: beside it no effect is named.",
+        )
     fitted = final[1]
     return Diagnosis(
         robot=robot,
@@ -149,17 +153,21 @@ def _kept(
     final: tuple[Design, Fit],
     at_rest: tuple[tuple[Array, ...], ...],
     torque: Array,
+    with_effects: bool,
 ) -> tuple[Kept, tuple[tuple[Array, ...], ...]]:
     """How much of what was fitted is kept, and what that leaves of runs held out, a run (M, n).
 
     The second: by the model as given, re-identified, and with the effects. at_rest: the same near rest, zero
-    elsewhere. torque: (n,) N·m of the joints.
+    elsewhere. torque: (n,) N·m of the joints. with_effects: False where nothing is kept of them, since a
+    log that counts otherwise than the model gives effects that stand for that.
     """
     first = only[0]
     nominal = tuple(np.where(used, gap, 0.0) for used, gap in zip(first.used, first.gap, strict=True))
     weights = 1 / np.maximum(torque, np.finfo(float).tiny) ** 2
     stages = nominal, only[1].held_out, final[1].held_out
     kept = shares_kept(stages, at_rest, weights)
+    if not with_effects:
+        kept = replace(kept, effects=np.zeros_like(kept.effects), effects_whole=0.0)
     each_run = zip(*stages, strict=True)
     parameters, effects = zip(*(kept.of_torque(*run) for run in each_run), strict=True)
     return kept, (nominal, parameters, effects)

@@ -78,3 +78,12 @@ def test_what_only_harms_near_rest_is_kept_less() -> None:
     harmed = [given_[0], given_[0], 4.0 * given_[0]]
     kept = shares_kept((given_, given_, halved), [[each] for each in harmed], np.ones(JOINTS))
     np.testing.assert_array_equal(kept.effects, np.zeros(JOINTS))
+
+
+def test_what_some_runs_speak_for_and_others_against_is_not_kept() -> None:
+    rng = np.random.default_rng(6)
+    runs = [rng.standard_normal((80, JOINTS)) for _ in range(4)]
+    halves_or_doubles = [factor * run for factor, run in zip((0.3, 1.6, 0.4, 1.5), runs, strict=True)]
+    assert np.all(_squares(halves_or_doubles[::2]) < _squares(runs[::2]))
+    kept = _kept(runs, halves_or_doubles, halves_or_doubles)
+    np.testing.assert_array_equal(kept.parameters, np.zeros(JOINTS))

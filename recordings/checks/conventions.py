@@ -1,6 +1,7 @@
 """Columns, signs, zeros, scales and gravity of a log that are not the model's, in words."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from testbench.findings import significant
 
@@ -19,6 +20,8 @@ ODDS, LEFT, BENT = 15.0, 0.35, 2.2
 UNIT_ODDS = 4.0
 # rad: an encoder's zero may be off by less, which the diagnosis has an effect for.
 ZERO = np.deg2rad(4.0)
+# rad: a zero this near to a quarter turn is likely to be one, as joints are counted from other poses.
+NEAR_A_QUARTER = np.deg2rad(6.0)
 # No drive's constant, and no model's mass, is off by more.
 FACTOR = 3.0
 # Of its drive's limit: no torque is more, RMS.
@@ -75,7 +78,7 @@ def _by_model(subject: Subject) -> list[Finding]:
     if best.convention == first.convention or best.score - first.score < least:
         return []
     is_certain = _is_certain(first, best)
-    found = in_words(subject, best.convention)
+    found = in_words(subject, best)
     if is_certain:
         return found
     return [_suspected(each, best) for each in found]
@@ -102,13 +105,14 @@ def _suspected(finding: Finding, best: Candidate) -> Finding:
     )
 
 
-def in_words(subject: Subject, convention: Convention) -> list[Finding]:
+def in_words(subject: Subject, best: Candidate) -> list[Finding]:
     """A convention's mistakes as findings, one each."""
+    convention = best.convention
     found = [
         *_order(subject, convention),
         *_signs(subject, convention),
         *_zeros(subject, convention),
-        *_scales(subject, convention),
+        *_scales(subject, convention, np.isfinite(best.explained.left)),
         *_gravity(subject, convention),
     ]
     assert found or not mistakes(convention) or all(abs(each) < ZERO for each in convention.zero)
@@ -172,18 +176,24 @@ def _zeros(subject: Subject, convention: Convention) -> list[Finding]:
         reads = convention.position_sign[joint] * angle
         reads = (reads + np.pi) % (2 * np.pi) - np.pi
         (name,) = subject.names([joint])
-        sentence = f"{name} {np.rad2deg(reads):.3g}° from where the model has it: is its zero the model's?"
+        quarters = round(reads / (np.pi / 2))
+        near = abs(reads - quarters * np.pi / 2) < NEAR_A_QUARTER and quarters
+        hint = f", or counted from {90 * quarters}° of it" if near else ""
+        sentence = (
+            f"{name} {np.rad2deg(reads):.3g}° from where the model has it: is its zero the model's{hint}?"
+        )
         found.append(
             Finding(Severity.STOP, "zero_off", sentence, (name,), "", "joint/position", ZERO_EXPECTED)
         )
     return found
 
 
-def _scales(subject: Subject, convention: Convention) -> list[Finding]:
+def _scales(subject: Subject, convention: Convention, counts: NDArray[np.bool_]) -> list[Finding]:
+    """Scales, of the joints that move enough to count (n,)."""
     factors = {
         joint: factor
         for joint, factor in enumerate(convention.scale)
-        if not 1 / LEAST_FACTOR < factor < LEAST_FACTOR
+        if counts[joint] and not 1 / LEAST_FACTOR < factor < LEAST_FACTOR
     }
     if not factors:
         return []
@@ -209,7 +219,7 @@ def _scales(subject: Subject, convention: Convention) -> list[Finding]:
     is_far = any(not 1 / FACTOR < factor < FACTOR for factor in factors.values())
     severity = Severity.STOP if is_far else Severity.WARN
     if not is_far:
-        asks = f"{asks} A drive's constant or the model's masses may be off as well"
+        asks = f"{asks} A drive's constant or the model's masses may be off, or a spring carries the arm"
     return [
         Finding(
             severity,

@@ -130,7 +130,7 @@ class Screening:
             yield replace(start, gravity=self._felt_gravity(start))
 
     def _felt_gravity(self, start: Convention) -> tuple[float, float, float]:
-        """Gravity, m/s², that explains most of the torque by the links' masses."""
+        """Gravity, m/s², of the model's size, in the direction that explains most by the links' masses."""
         read = read_by(self.samples, start)
         chain = chain_of(self.robot.chain, start).without_springs()
         still = np.zeros_like(read.q)
@@ -148,7 +148,10 @@ class Screening:
             columns.append(column.without(np.column_stack([w[column.used, joint] for w in weights])) / size)
             wanted.append(column.without(gap[column.used, joint]) / size)
         more = np.linalg.lstsq(np.concatenate(columns), np.concatenate(wanted), rcond=TELLS)[0]
-        x, y, z = (float(each) for each in np.round(chain.gravity + more, 2))
+        felt = chain.gravity + more
+        # An arm may hang or lean, but weigh nothing else: more or less torque than this is the masses'.
+        felt *= np.linalg.norm(chain.gravity) / max(float(np.linalg.norm(felt)), TINY)
+        x, y, z = (float(each) for each in np.round(felt, 2))
         return x, y, z
 
     def _torques(self, near: Convention) -> Iterator[tuple[Convention, float]]:

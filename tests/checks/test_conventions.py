@@ -111,6 +111,22 @@ def test_gravity_that_points_elsewhere_is_another_mounting(arm, healthy_runs, do
     assert "mounting" in _found(modelled, *healthy_runs.values())
 
 
+def test_links_twice_as_heavy_as_the_model_s_are_no_other_mounting(arm, healthy_runs):
+    light = arm.parameters.reshape(-1, PER_JOINT).copy()
+    light[:, :INERTIAL] /= 2.4
+    found = _found(replace(arm, parameters=light.ravel()), *healthy_runs.values())
+    assert "mounting" not in found
+
+
+def test_a_scale_is_said_of_the_joints_that_move(arm, healthy_runs):
+    def still(run: Recording) -> Recording:
+        position = np.where(np.arange(arm.joints) == 0, run.position[:1], run.position)
+        return replace(run, position=position, torque=1000 * run.torque)
+
+    _, joints, _ = _found(arm, *(still(run) for run in healthy_runs.values()))["torque_scale"]
+    assert joints == arm.joint_names[1:]
+
+
 def test_a_cable_of_one_joint_is_no_mistake(arm):
     cable = parse_injection(arm, "cable_spring:elbow:stiffness=3,rest=0.4")
     assert _found(arm, *simulated_runs(arm, [cable]).values()) == {}
