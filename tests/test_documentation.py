@@ -9,8 +9,8 @@ import pytest
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticUndefined
 
-from diagnosis.imperfections import ALIKE
-from diagnosis.materiality import SMALLEST_SHIFT
+from diagnosis.plausibility.imperfections import ALIKE
+from diagnosis.plausibility.materiality import SMALLEST_SHIFT
 from testbench.cli import app
 from testbench.estimate_file import estimate_document
 from testbench.excitation_file import UNITS

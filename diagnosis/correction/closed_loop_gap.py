@@ -19,10 +19,10 @@ from testbench.robot import Robot
 from testbench.simulation import ControllerOptions, Reference, SimulationOptions, simulate
 from testbench.simulation.controller import KINDS
 
-from .correction import corrected_model
-from .findings import Diagnosis
-from .preparation import filter_cutoff
-from .remedy import consistent, corrections, robot_with
+from ..data.preparation import filter_cutoff
+from ..decision.findings import Diagnosis
+from .corrected_mjcf import consistent, corrections, robot_with
+from .corrected_model import corrected_model
 
 Array = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from testbench.effects.mjcf_form import write_effects
 from testbench.model_file import write_model
 from testbench.robot import Robot, load_robot
 
-from .correction import corrected_model
-from .evidence import Fit
-from .findings import Diagnosis, NamedEffect
-from .hypothesis import Design
+from ..decision.findings import Diagnosis, NamedEffect
+from ..fit.normal_equations import Fit
+from ..model.hypothesis import Design
+from .corrected_model import corrected_model
 
 Array = NDArray[np.float64]
 

@@ -14,12 +14,12 @@ from testbench.effects import effects as catalogue
 from testbench.robot import Limits, Robot
 from testbench.torque_lag import TorqueLag
 
-from .evidence import Fit
-from .findings import Diagnosis
-from .held_out.shrinkage import Kept, everything
-from .hypothesis import Design
-from .preparation import CUTOFF
-from .recurrence import Recurrence
+from ..data.preparation import CUTOFF
+from ..decision.findings import Diagnosis
+from ..fit.normal_equations import Fit
+from ..held_out.recurring_push import Recurrence
+from ..held_out.shrinkage import Kept, everything
+from ..model.hypothesis import Design
 
 Array = NDArray[np.float64]
 

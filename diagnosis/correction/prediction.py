@@ -24,10 +24,10 @@ from testbench.simulation import Reference
 from testbench.simulation.controller import feedforward
 from testbench.torque_lag import TorqueLag
 
-from .correction import Corrected, Term, read_correction
-from .healthy import LAG
-from .linearisation import TRANSMISSIONS
-from .preparation import filter_cutoff
+from ..data.preparation import filter_cutoff
+from ..fit.linearisation import TRANSMISSIONS
+from ..model.effect_sizes import LAG
+from .corrected_model import Corrected, Term, read_correction
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from identification.springs import spring_torque
 
-from ..correction import Corrected
-from ..predict import AT_REST, torque_along
-from ..preparation import Prepared
+from ..data.preparation import Prepared
+from .corrected_model import Corrected
+from .prediction import AT_REST, torque_along
 
 Array = NDArray[np.float64]
 

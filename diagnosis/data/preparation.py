@@ -26,7 +26,7 @@ from testbench.torque_lag import IN_TIME, TorqueLag
 
 from .decimation import DecimatingFilter, decimating_filters, filtered, filtered_windows
 from .mended_log import MendedLog, fastest, mended_log
-from .motion.travel import is_moving
+from .moving_joints import is_moving
 
 Array = NDArray[np.float64]
 

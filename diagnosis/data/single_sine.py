@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from ..preparation import Prepared, Run
+from .preparation import Prepared, Run
 
 Array = NDArray[np.float64]
 

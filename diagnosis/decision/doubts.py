@@ -7,10 +7,10 @@ import numpy as np
 
 from testbench.effects import effect
 
-from ..accepted import Accepted
-from ..findings import NamedEffect
-from ..healthy import sizes
-from .shrinkage import Kept
+from ..held_out.shrinkage import Kept
+from ..model.effect_sizes import sizes
+from ..plausibility.accepted import Accepted
+from .findings import NamedEffect
 
 # Of a bound, relative: nearer than this a value is at it.
 AT_BOUND = 1e-3

@@ -10,14 +10,15 @@ from testbench.effects import effect
 from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
-from .candidates import Candidate
-from .evidence import Fit
-from .held_out.shrinkage import Kept
-from .held_out.unlike import Difference
-from .hypothesis import Design
-from .noise import noise
-from .preparation import Prepared
-from .recurrence import Recurrence
+from ..data.preparation import Prepared
+from ..fit.normal_equations import Fit
+from ..held_out.differing_runs import Difference
+from ..held_out.recurring_push import Recurrence
+from ..held_out.shrinkage import Kept
+from ..model.candidates import Candidate
+from ..model.hypothesis import Design
+from ..residual.noise import noise
+from ..residual.shares import Share
 
 Array = NDArray[np.float64]
 
@@ -61,53 +62,6 @@ class RankedCandidate:
     probability: float
     score: float
     reason: str = ""
-
-
-@dataclass(frozen=True)
-class RegimeShare:
-    """A part of one joint's gap.
-
-    aspect: what the gap is divided by (speed, position, frequency, ...). part: which part of it.
-    regime: both in words. share: of the joint's squared residual, 0 to 1; low, high: its 90 % interval.
-    expected: what the share would be if the residual had nothing to do with the regime. rms: N·m; over the
-    regime's samples, or of the regime's part of the residual where that is one of its spectrum. cycles: of a
-    period in the joint's position, a revolution (a metre of a slide joint).
-    """
-
-    aspect: str
-    part: str
-    regime: str
-    share: float
-    low: float
-    high: float
-    expected: float
-    rms: float
-    cycles: float | None = None
-
-    @property
-    def concentration(self) -> float:
-        """Share over the expected one."""
-        return self.share / max(self.expected, 1e-12)
-
-    @property
-    def excess(self) -> float:
-        """Share beyond the expected one: of one measure for regimes of every kind."""
-        return self.share - self.expected
-
-
-@dataclass(frozen=True)
-class Share:
-    """One joint's share of the gap.
-
-    joint: index. regime: the densest, in words. share: 0 to 1. gap_rms, noise_rms: N·m. regimes: all of them.
-    """
-
-    joint: int
-    regime: str
-    share: float
-    gap_rms: float
-    noise_rms: float
-    regimes: tuple[RegimeShare, ...] = ()
 
 
 @dataclass(frozen=True)

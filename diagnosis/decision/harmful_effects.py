@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from .accepted import Accepted
+from ..fit.normal_equations import Fit, fitted_to, on_whole_runs, squares
+from ..model.hypothesis import Design
+from ..plausibility.accepted import Accepted, without_one
 from .attribution import Attribution
-from .evidence import Fit, fitted_to, on_whole_runs, squares
-from .hypothesis import Design
-from .naming import without_one
 
 # A joint's left-out gap with the effects is so many times what it is without any; with right names of 3,200
 # cases, and of loops whose last run alone tells, it was three times that at most.

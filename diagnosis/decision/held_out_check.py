@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .accepted import SLOWEST_RIPPLE, Accepted
-from .candidates import SATURATION
+from ..fit.linearisation import TRANSMISSIONS
+from ..model.candidates import SATURATION
+from ..model.effect_sizes import RIPPLE
+from ..plausibility.accepted import SLOWEST_RIPPLE, Accepted
+from ..residual.unexplained import NOTHING, UNTOLD, Unclaimed
 from .findings import Gap
-from .healthy import RIPPLE
-from .linearisation import TRANSMISSIONS
-from .unclaimed import NOTHING, UNTOLD, Unclaimed
 
 Array = NDArray[np.float64]
 

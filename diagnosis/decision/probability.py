@@ -6,8 +6,8 @@ import numpy as np
 
 from testbench.effects.signature import Quantity
 
+from ..model.effect_sizes import sizes
 from .findings import Gap, NamedEffect
-from .healthy import sizes
 
 # How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases and on
 # robots that others simulated (docs/blind.md, docs/other_robots.md): of the first that is named, and of those

@@ -13,12 +13,13 @@ from identification.parameters import OFFSET as OFFSET_TORQUE
 from testbench.effects.push import begin_with_runs
 from testbench.robot import Robot
 
-from .accepted import COUPLING, Accepted, is_rest
-from .alone import OF_EVERY_JOINT, is_alone
-from .candidates import SATURATION, Candidate
-from .evidence import Fit, fitted_to, squares
-from .ground import Ground, ground
-from .healthy import (
+from ..data.preparation import Prepared
+from ..fit.likelihood import Weighed, gained, gained_by_shift
+from ..fit.normal_equations import Fit, squares
+from ..fit.score import Gain, Stage
+from ..model.base_regressor import Ground, ground
+from ..model.candidates import SATURATION, Candidate
+from ..model.effect_sizes import (
     CABLE,
     GAIN,
     OFFSET,
@@ -28,14 +29,13 @@ from .healthy import (
     moves_little,
     times_healthy,
 )
-from .hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
-from .likelihood import Weighed, gained, gained_by_shift
-from .materiality import is_certainly_beyond, is_obvious
-from .preparation import Prepared
-from .prominence import is_main
-from .round import Found
-from .unclaimed import Unclaimed
-from .weighing import Gain, Stage
+from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
+from ..plausibility.accepted import COUPLING, Accepted, is_rest, without_one
+from ..plausibility.materiality import is_certainly_beyond, is_obvious
+from ..plausibility.prominence import is_main
+from ..plausibility.single_effect import OF_EVERY_JOINT, is_alone
+from ..residual.unexplained import Unclaimed
+from .found import Found
 
 Array = NDArray[np.float64]
 
@@ -231,11 +231,6 @@ def _judged_beside(
     gain = stage.as_fitted(gain, trial)
     best = Weighed(gain, gained(stage, gain))
     return accepted_as(Found(best, item.rivals, trial), stage, apart, sized, others, rest)
-
-
-def without_one(prepared: Prepared, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
-    """The hypothesis without one of its effects, fitted in full."""
-    return fitted_to(prepared, [a.candidate for k, a in enumerate(accepted) if k != place])
 
 
 def as_fitted_at_last(

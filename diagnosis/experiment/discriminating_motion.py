@@ -23,9 +23,9 @@ from identification.inverse_dynamics import inverse_dynamics
 from identification.parameters import GROUPS
 from testbench.clearance import robot_clearance
 
-from .experiments import ENOUGH, why
-from .findings import Diagnosis
-from .reached import within_reach
+from ..decision.findings import Diagnosis
+from .reached_limits import within_reach
+from .reasons import ENOUGH, why
 from .rivals import Open, still_open
 from .separation import SAMPLE_RATE, Separation
 

@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from testbench.effects import effect
 from testbench.effects.size import typical_values
 
-from .bank import Bank
-from .candidates import candidate
-from .evidence import fitted_to
-from .findings import Diagnosis
-from .ground import ground
-from .likelihood import weigh
+from ..decision.findings import Diagnosis
+from ..fit.likelihood import weigh
+from ..fit.normal_equations import fitted_to
+from ..fit.score import Stage
+from ..model.base_regressor import ground
+from ..model.candidates import candidate
+from ..model.gram import Bank
 from .rivals import Open, Rival
-from .weighing import Stage
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from testbench.effects import effects
 from testbench.effects.base import Scope
 
-from .findings import Diagnosis
+from ..decision.findings import Diagnosis
 
 # A set that cannot be told apart is separated pair by pair; what would not show need only show, each alone.
 MOST_CONFUSED, MOST_HIDDEN = 4, 40

@@ -20,10 +20,10 @@ from identification.regressor import regressor
 from testbench.effects import effect
 from testbench.effects.signature import Logged
 
-from .decimation import decimating_filter
-from .findings import Diagnosis
-from .imitation import left, projected_gram
-from .preparation import DEAD_ZONE, filter_cutoff
+from ..data.decimation import decimating_filter
+from ..data.preparation import DEAD_ZONE, filter_cutoff
+from ..decision.findings import Diagnosis
+from .projection import left, projected_gram
 from .rival_size import sized
 from .rivals import Open
 

@@ -14,12 +14,12 @@ from scipy.optimize import minimize_scalar
 from testbench.effects import effect
 from testbench.torque_lag import IN_TIME, TorqueLag, with_derivatives
 
+from ..model.base_regressor import ground
+from ..model.candidates import DELAY
+from ..model.hypothesis import Design, bounds, design, log_prior, scaled_precision
 from .bounded import solve
-from .candidates import DELAY
-from .evidence import Fit, normal_of
-from .ground import ground
-from .hypothesis import Design, bounds, design, log_prior, scaled_precision
 from .likelihood import log_of_squares
+from .normal_equations import Fit, normal_of
 
 Array = NDArray[np.float64]
 

@@ -13,10 +13,10 @@ from scipy.optimize import minimize_scalar
 from identification.parameters import PER_JOINT
 from identification.regressor import regressor
 
-from .evidence import Fit
-from .ground import ground
-from .hypothesis import Design, log_prior, scaled_precision
+from ..model.base_regressor import ground
+from ..model.hypothesis import Design, log_prior, scaled_precision
 from .likelihood import log_of_squares
+from .normal_equations import Fit
 
 Array = NDArray[np.float64]
 

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Member
 from testbench.robot import Robot
 
-from .candidates import Candidate, candidate
-from .deviations import covariance_with_shapes, slopes_by_shapes
-from .evidence import Fit, fit, fitted_to
-from .ground import ground
-from .healthy import WARMING, is_plausible
-from .hypothesis import Design, design
+from ..model.base_regressor import ground
+from ..model.candidates import Candidate, candidate
+from ..model.effect_sizes import WARMING, is_plausible
+from ..model.hypothesis import Design, design
 from .likelihood import likeliest_of
+from .normal_equations import Fit, fit, fitted_to
+from .score import Stage
+from .shape_covariance import covariance_with_shapes, slopes_by_shapes
 from .shape_search import ranges, search, searched_for, share_of
-from .weighing import Stage
 
 Array = NDArray[np.float64]
 

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from testbench.effects.signature import Family, Member
 
-from .bank import Bank
-from .candidates import Candidate, Place, candidate
-from .evidence import Fit, squares
-from .hypothesis import Design, log_prior
-from .weighing import Gain, Stage
+from ..model.candidates import Candidate, Place, candidate
+from ..model.gram import Bank
+from ..model.hypothesis import Design, log_prior
+from .normal_equations import Fit, squares
+from .score import Gain, Stage
 
 Array = NDArray[np.float64]
 

@@ -11,13 +11,13 @@ from identification.prior import TIMING
 from testbench.effects import effect
 from testbench.effects.signature import Family
 
-from .candidates import DELAY, Candidate, candidate
+from ..data.preparation import Prepared
+from ..model.candidates import DELAY, Candidate, candidate
+from ..model.effect_sizes import OFFSET
+from ..model.hypothesis import Design
 from .delay import likeliest_delay
-from .evidence import Fit, fitted_to, standard_values
-from .healthy import OFFSET
-from .hypothesis import Design
-from .preparation import Prepared
-from .zeros import likeliest_zero
+from .encoder_zeros import likeliest_zero
+from .normal_equations import Fit, fitted_to, standard_values
 
 Array = NDArray[np.float64]
 

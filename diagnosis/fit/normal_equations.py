@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from identification.covariance import variance_inflation
 from identification.parameters import PER_JOINT
 
+from ..data.preparation import Prepared
+from ..model.base_regressor import ground
+from ..model.candidates import Candidate
+from ..model.hypothesis import Design, bounds, design, likeliest_scales, scaled_precision
 from .bounded import RIDGE, solve
-from .candidates import Candidate
-from .ground import ground
-from .hypothesis import Design, bounds, design, likeliest_scales, scaled_precision
-from .preparation import Prepared
 
 Array = NDArray[np.float64]
 

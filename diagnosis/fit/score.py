@@ -12,13 +12,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from ..model.base_regressor import Ground
+from ..model.candidates import Candidate
+from ..model.gram import Bank
+from ..model.hypothesis import Design, design, log_prior, scaled_precision
 from .active_set import Inverse, at_bounds
-from .bank import Bank
 from .bounded import minimisers, solve
-from .candidates import Candidate
-from .evidence import Fit, fit, fitted_to, normal_of, squares
-from .ground import Ground
-from .hypothesis import Design, design, log_prior, scaled_precision
+from .normal_equations import Fit, fit, fitted_to, normal_of, squares
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from testbench.effects.signature import Member
 
-from .candidates import Candidate, candidate
-from .evidence import Fit, normal_of
-from .hypothesis import Design, scaled_precision
+from ..model.candidates import Candidate, candidate
+from ..model.hypothesis import Design, scaled_precision
+from .normal_equations import Fit, normal_of
 from .shape_search import ranges, share_of, within
 
 Array = NDArray[np.float64]

@@ -13,10 +13,10 @@ from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.torque_lag import IN_TIME, TorqueLag
 
+from ..data.preparation import Prepared, prepare
+from ..model.base_regressor import ground
 from .delay import likeliest_lateness
-from .evidence import fitted_to, rms
-from .ground import ground
-from .preparation import Prepared, prepare
+from .normal_equations import fitted_to, rms
 
 # Seconds; what is less, the timing among the unknowns says as well.
 LEAST = 2e-3

@@ -15,13 +15,13 @@ from identification.parameters import INERTIAL
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 
-from ..candidates import Candidate, candidate
-from ..evidence import Fit, fitted_to, normal_of
-from ..ground import ground
-from ..healthy import is_plausible
-from ..hypothesis import Design, scaled_precision
-from ..linearisation import PAYLOAD
-from ..preparation import Prepared, Run
+from ..data.preparation import Prepared, Run
+from ..fit.linearisation import PAYLOAD
+from ..fit.normal_equations import Fit, fitted_to, normal_of
+from ..model.base_regressor import ground
+from ..model.candidates import Candidate, candidate
+from ..model.effect_sizes import is_plausible
+from ..model.hypothesis import Design, scaled_precision
 from .known_payload import known_payload
 
 Array = NDArray[np.float64]

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from .bank import Bank
-from .evidence import fitted_to, is_extrapolated, squares
-from .ground import ground
-from .likelihood import gained
-from .preparation import Prepared, blocks
-from .weighing import Stage
+from ..data.preparation import Prepared, blocks
+from ..fit.likelihood import gained
+from ..fit.normal_equations import fitted_to, is_extrapolated, squares
+from ..fit.score import Stage
+from ..model.base_regressor import ground
+from ..model.gram import Bank
 
 # A run is extrapolated to where that leaves no less than this share of the joint's torque.
 SEEN = 0.01

@@ -10,9 +10,9 @@ from scipy.optimize import minimize
 
 from testbench.effects.push import ABRUPT, BELL, KINDS, common_times, narrowed
 
-from .candidates import Candidate, candidate
-from .evidence import Fit
-from .hypothesis import Design
+from ..fit.normal_equations import Fit
+from ..model.candidates import Candidate, candidate
+from ..model.hypothesis import Design
 
 Array = NDArray[np.float64]
 

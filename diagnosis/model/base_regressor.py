@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from identification.parameters import PER_JOINT
 from identification.prior import TIMING, parameter_widths
 
-from .preparation import Prepared
+from ..data.preparation import Prepared
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from testbench.effects.signature import (
     single_joint,
 )
 
-from .preparation import Prepared
+from ..data.preparation import Prepared
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from testbench.effects.logged import Logged
 
+from ..data.preparation import Prepared
 from .candidates import FREE, Candidate, without_law
-from .preparation import Prepared
 
 Array = NDArray[np.float64]
 

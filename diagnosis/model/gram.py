@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .base_regressor import Ground
 from .candidates import Candidate
-from .ground import Ground
 
 Array = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from identification.parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_JOINT, VISCOUS
 
-from .bank import reached_rows
+from ..data.preparation import Prepared
+from .base_regressor import ground
 from .candidates import Candidate
-from .ground import ground
-from .preparation import Prepared
+from .gram import reached_rows
 
 Array = NDArray[np.float64]
 

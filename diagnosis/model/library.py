@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..data.preparation import Prepared
 from .candidates import EVENT, SATURATION, Candidate, candidates
-from .generic import generic_candidates
-from .preparation import Prepared
+from .free_functions import generic_candidates
 
 # Columns are the same where no joint's load differs by more than this share of it.
 SAME_LOAD = 0.05

@@ -7,13 +7,14 @@ import numpy as np
 
 from testbench.robot import Robot
 
-from .candidates import Candidate
-from .evidence import Fit
-from .healthy import CABLE, ELASTIC, GAIN, OF_THE_LOAD, SPRINGS, is_plausible
-from .hypothesis import Design
-from .likelihood import Weighed
-from .unclaimed import NOTHING, Unclaimed, share_left
-from .weighing import Stage
+from ..data.preparation import Prepared
+from ..fit.likelihood import Weighed
+from ..fit.normal_equations import Fit, fitted_to
+from ..fit.score import Stage
+from ..model.candidates import Candidate
+from ..model.effect_sizes import CABLE, ELASTIC, GAIN, OF_THE_LOAD, SPRINGS, is_plausible
+from ..model.hypothesis import Design
+from ..residual.unexplained import NOTHING, Unclaimed, share_left
 
 # Cycles a revolution.
 SLOWEST_RIPPLE = 10.0
@@ -186,3 +187,8 @@ def _is_other_law(one: Accepted, other: Accepted) -> bool:
     """Whether the first is a law of position, of another effect of the second's joint."""
     a, b = one.candidate.family, other.candidate.family
     return _is_of_position(one) and a.joint == b.joint and a.effect != b.effect
+
+
+def without_one(prepared: Prepared, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
+    """The hypothesis without one of its effects, fitted in full."""
+    return fitted_to(prepared, [a.candidate for k, a in enumerate(accepted) if k != place])

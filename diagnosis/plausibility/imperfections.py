@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
+from ..fit.likelihood import Weighed
+from ..fit.score import Stage
+from ..model.candidates import Candidate
+from ..model.effect_sizes import BENDING, BRISTLES, CABLE, OF_THE_LOAD, SPRING, SPRINGS, times_healthy
 from .accepted import Accepted
-from .candidates import Candidate
-from .healthy import BENDING, BRISTLES, CABLE, OF_THE_LOAD, SPRING, SPRINGS, times_healthy
-from .likelihood import Weighed
 from .materiality import BEYOND, SMALLEST_SHARE, SMALLEST_WALD
-from .weighing import Stage
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
-from .candidates import DELAY, Candidate
-from .healthy import (
+from ..fit.likelihood import Weighed, by_chance, gained, gained_by_shift, gained_elsewhere
+from ..fit.linearisation import TRANSMISSIONS
+from ..fit.score import Gain, Stage
+from ..model.candidates import DELAY, Candidate
+from ..model.effect_sizes import (
     BENDING,
     ECCENTRICITY,
     ELASTIC,
@@ -24,10 +27,7 @@ from .healthy import (
     SPRING,
     is_beyond_healthy,
 )
-from .hypothesis import LATE
-from .likelihood import Weighed, by_chance, gained, gained_by_shift, gained_elsewhere
-from .linearisation import TRANSMISSIONS
-from .weighing import Gain, Stage
+from ..model.hypothesis import LATE
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from testbench.effects import effect
 from testbench.effects.size import typical_range
 from testbench.robot import Robot
 
-from .candidates import Candidate
-from .healthy import size, sizes
-from .likelihood import Weighed
+from ..fit.likelihood import Weighed
+from ..model.candidates import Candidate
+from ..model.effect_sizes import size, sizes
 from .materiality import SMALLEST_WALD
 
 Array = NDArray[np.float64]

@@ -11,10 +11,11 @@ import numpy as np
 from testbench.effects.signature import Family
 from testbench.robot import Robot
 
-from .candidates import Candidate
-from .healthy import BENDING, BRISTLES, CABLE, ECCENTRICITY, GAIN, RIPPLE, SPRING, SPRINGS
-from .likelihood import Weighed, gained_by_shift
-from .linearisation import TRANSMISSIONS
+from ..fit.likelihood import Weighed, gained_by_shift
+from ..fit.linearisation import TRANSMISSIONS
+from ..fit.score import Gain, Stage
+from ..model.candidates import Candidate
+from ..model.effect_sizes import BENDING, BRISTLES, CABLE, ECCENTRICITY, GAIN, RIPPLE, SPRING, SPRINGS
 from .materiality import (
     HIDDEN_OVERLAP,
     LITTLE_TORQUE,
@@ -23,7 +24,6 @@ from .materiality import (
     is_certainly_beyond,
     is_large,
 )
-from .weighing import Gain, Stage
 
 # Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
 # because its law is not quite the robot's is less.

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
+from ..fit.likelihood import Weighed, gained_by_joint
+from ..fit.score import Stage
+from ..model.effect_sizes import BENDING, CABLE, GAIN, RIPPLE, SPRING, WARMING, times_healthy
 from .accepted import Accepted
-from .healthy import BENDING, CABLE, GAIN, RIPPLE, SPRING, WARMING, times_healthy
-from .likelihood import Weighed, gained_by_joint
 from .materiality import BEYOND, SMALLEST_WALD
-from .weighing import Stage
 
 Array = NDArray[np.float64]
 

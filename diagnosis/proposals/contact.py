@@ -11,14 +11,14 @@ from identification.chain import Chain
 from testbench.effects.external_contact import pushes, windows, withstood
 from testbench.effects.logged import Logged
 
-from .bank import Bank
-from .candidates import SATURATION, Candidate, Place, in_parallel
-from .evidence import Fit, squares, standard_values
-from .healthy import BRISTLES
-from .hypothesis import Design
-from .likelihood import Weighed, log_of_squares, odds
-from .unclaimed import fitted_shares, foretold_shares
-from .weighing import Gain, Stage
+from ..fit.likelihood import Weighed, log_of_squares, odds
+from ..fit.normal_equations import Fit, squares, standard_values
+from ..fit.score import Gain, Stage
+from ..model.candidates import SATURATION, Candidate, Place, in_parallel
+from ..model.effect_sizes import BRISTLES
+from ..model.gram import Bank
+from ..model.hypothesis import Design
+from ..residual.unexplained import fitted_shares, foretold_shares
 
 Array = NDArray[np.float64]
 

@@ -9,14 +9,14 @@ from testbench.effects.cable_spring import HARDENING
 from testbench.effects.signature import Family, Member
 from testbench.robot import Robot
 
-from .candidates import DELAY, candidate
-from .delay import likeliest_delay
-from .healthy import BRISTLES, CABLE, LAG, RIPPLE, is_plausible, quantities
-from .likelihood import Weighed, gained, likeliest_of, log_likelihood, log_posterior, price
-from .linearisation import TRANSMISSIONS
+from ..fit.delay import likeliest_delay
+from ..fit.likelihood import Weighed, gained, likeliest_of, log_likelihood, log_posterior, price
+from ..fit.linearisation import TRANSMISSIONS
+from ..fit.score import Stage
+from ..fit.shape_search import search, searched_for
+from ..model.candidates import DELAY, candidate
+from ..model.effect_sizes import BRISTLES, CABLE, LAG, RIPPLE, is_plausible, quantities
 from .ripple_peaks import second_waves
-from .shape_search import search, searched_for
-from .weighing import Stage
 
 # Log-posterior of all runs together, less its price, by which a cable surely hardens, or a wave is more than
 # one: first moments take up much of any, and bent parameters foretell left-out runs by chance.

@@ -21,16 +21,16 @@ from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects.logged import Logged
 from testbench.robot import Robot
 
-from .bank import Bank
-from .candidates import Candidate, without_law
-from .evidence import standard_values
-from .healthy import BRISTLES
-from .likelihood import Weighed, gained, gained_by_shift
-from .materiality import NEAR_REST
-from .preparation import DEAD_ZONE, Prepared
-from .presliding_at_rest import held_by_bristles
+from ..data.preparation import DEAD_ZONE, Prepared
+from ..fit.likelihood import Weighed, gained, gained_by_shift
+from ..fit.normal_equations import standard_values
+from ..fit.score import Stage
+from ..model.candidates import Candidate, without_law
+from ..model.effect_sizes import BRISTLES
+from ..model.gram import Bank
+from ..plausibility.materiality import NEAR_REST
+from .presliding import held_by_bristles
 from .standing_drive import apart_from_standing, standing_drives
-from .weighing import Stage
 
 Array = NDArray[np.float64]
 

@@ -4,14 +4,14 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from .accepted import Accepted
-from .bank import Bank
-from .candidates import Candidate, without_law
-from .healthy import SPRINGS
-from .likelihood import gained
-from .preparation import Prepared
-from .unclaimed import Unclaimed, share_left
-from .weighing import Stage
+from ..data.preparation import Prepared
+from ..fit.likelihood import gained
+from ..fit.score import Stage
+from ..model.candidates import Candidate, without_law
+from ..model.effect_sizes import SPRINGS
+from ..model.gram import Bank
+from ..plausibility.accepted import Accepted
+from ..residual.unexplained import Unclaimed, share_left
 
 # Per cent of a joint's positions beyond which such a spring may begin to pull.
 BEGINNINGS = np.arange(5.0, 96.0, 10.0)

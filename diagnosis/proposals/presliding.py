@@ -17,11 +17,11 @@ from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects.signature import Member
 from testbench.robot import Robot
 
-from .candidates import Candidate, candidate, without_law
-from .evidence import left_everywhere, standard_values
-from .healthy import BRISTLES, times_healthy
-from .preparation import Prepared
-from .weighing import Stage
+from ..data.preparation import Prepared
+from ..fit.normal_equations import left_everywhere, standard_values
+from ..fit.score import Stage
+from ..model.candidates import Candidate, candidate, without_law
+from ..model.effect_sizes import BRISTLES, times_healthy
 
 Array = NDArray[np.float64]
 

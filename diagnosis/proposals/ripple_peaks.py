@@ -6,12 +6,12 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Member
 from testbench.effects.transmission_ripple import highest_cycles, peaks_of, ripples
 
-from .accepted import SLOWEST_RIPPLE
-from .candidates import Candidate, candidate
-from .evidence import Fit, squares
-from .healthy import RIPPLE
-from .hypothesis import Design
-from .weighing import Stage
+from ..fit.normal_equations import Fit, squares
+from ..fit.score import Stage
+from ..model.candidates import Candidate, candidate
+from ..model.effect_sizes import RIPPLE
+from ..model.hypothesis import Design
+from ..plausibility.accepted import SLOWEST_RIPPLE
 
 Array = NDArray[np.float64]
 

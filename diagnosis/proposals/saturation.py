@@ -16,14 +16,14 @@ from scipy.optimize import minimize_scalar
 from testbench.effects import effect
 from testbench.effects.signature import Family
 
-from .bank import Bank
-from .bounded import solve
-from .candidates import SATURATION, Candidate, candidate
-from .hypothesis import log_prior
-from .likelihood import Weighed, log_of_squares
-from .preparation import Prepared
-from .unclaimed import foretold_shares
-from .weighing import Gain, Stage
+from ..data.preparation import Prepared
+from ..fit.bounded import solve
+from ..fit.likelihood import Weighed, log_of_squares
+from ..fit.score import Gain, Stage
+from ..model.candidates import SATURATION, Candidate, candidate
+from ..model.gram import Bank
+from ..model.hypothesis import log_prior
+from ..residual.unexplained import foretold_shares
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ most of what a coupling leaves is there, those samples say nothing of it.
 import numpy as np
 from numpy.typing import NDArray
 
-from .preparation import DEAD_ZONE, Run
-from .weighing import Stage
+from ..data.preparation import DEAD_ZONE, Run
+from ..fit.score import Stage
 
 # Share of a joint's squares that a coupling leaves where its drive stands still, so many times as much a
 # sample as elsewhere; and share of the joint's samples that must be left.

@@ -8,13 +8,13 @@ import numpy as np
 
 from testbench.robot import Robot
 
-from .evidence import Fit, fitted_to
-from .ground import ground
-from .hypothesis import Design
+from ..fit.likelihood import Weighed, gained, log_posterior
+from ..fit.linearisation import TRANSMISSIONS, linearised_anew
+from ..fit.normal_equations import Fit, fitted_to
+from ..fit.score import Stage
+from ..model.base_regressor import ground
+from ..model.hypothesis import Design
 from .laws import MORE_TRIED, refined
-from .likelihood import Weighed, gained, log_posterior
-from .linearisation import TRANSMISSIONS, linearised_anew
-from .weighing import Stage
 
 # What the log-posterior of all runs together moves by where the runs are linearised anew, once they have
 # settled; and how often they are, at most.

@@ -14,14 +14,13 @@ from scipy.fft import rfft, rfftfreq
 
 from testbench.effects.signature import Member
 
-from .accepted import Accepted
-from .candidates import Candidate
-from .healthy import LAG
-from .naming import without_one
-from .preparation import Run
-from .spectrum import SMALLEST, kept_rate
-from .unclaimed import NOTHING, Unclaimed, share_left
-from .weighing import Gain, Stage
+from ..data.preparation import Run
+from ..fit.score import Gain, Stage
+from ..model.candidates import Candidate
+from ..model.effect_sizes import LAG
+from ..plausibility.accepted import Accepted, without_one
+from ..residual.spectrum import SMALLEST, kept_rate
+from ..residual.unexplained import NOTHING, Unclaimed, share_left
 
 Array = NDArray[np.float64]
 

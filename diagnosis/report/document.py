@@ -13,10 +13,11 @@ from testbench.effects.signature import Quantity
 from testbench.files import replacing
 from testbench.torque_lag import TorqueLag
 
-from .correction import corrected_model, correction_document
-from .discrimination import NextExperiment
-from .findings import Diagnosis, NamedEffect, RegimeShare
-from .forward import ForwardGap
+from ..correction.closed_loop_gap import ForwardGap
+from ..correction.corrected_model import corrected_model, correction_document
+from ..decision.findings import Diagnosis, NamedEffect
+from ..experiment.discriminating_motion import NextExperiment
+from ..residual.shares import RegimeShare
 
 FORMAT, VERSION = "gap-diagnosis", 1
 

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
-from .accepted import ONE_WAY, RESONANCE
-from .findings import LITTLE_CLOSED, PERHAPS_NOISE, Gap, NamedEffect
-from .one_sided import ONE_SIDED
-from .unclaimed import NOTHING, UNTOLD, Unclaimed
+from ..decision.findings import LITTLE_CLOSED, PERHAPS_NOISE, Gap, NamedEffect
+from ..plausibility.accepted import ONE_WAY, RESONANCE
+from ..proposals.one_sided_springs import ONE_SIDED
+from ..residual.unexplained import NOTHING, UNTOLD, Unclaimed
 
 Array = NDArray[np.float64]
 

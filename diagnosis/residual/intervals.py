@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .preparation import Prepared, Run
+from ..data.preparation import Prepared, Run
 
 Array = NDArray[np.float64]
 

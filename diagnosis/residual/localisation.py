@@ -10,11 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .evidence import Fit, rms
-from .findings import RegimeShare, Share
-from .hypothesis import Design
+from ..data.preparation import Prepared, Run, filter_cutoff
+from ..fit.normal_equations import Fit, rms
+from ..model.hypothesis import Design
 from .intervals import blocks, drawn_sums, interval
-from .preparation import Prepared, Run, filter_cutoff
+from .shares import RegimeShare, Share
 from .spectrum import FREQUENCY, PERIODIC, band_shares, periodic_share
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from .ground import ground
-from .preparation import Prepared, Run
+from ..data.preparation import Prepared, Run
+from ..model.base_regressor import ground
 
 Array = NDArray[np.float64]
 

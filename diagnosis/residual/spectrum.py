@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
-from .findings import RegimeShare
+from ..data.preparation import Run
 from .intervals import drawn_sums, interval
-from .preparation import Run
+from .shares import RegimeShare
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

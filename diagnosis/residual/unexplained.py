@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
-from .bank import Bank
-from .candidates import FREE
-from .evidence import fit, is_extrapolated, squares
-from .findings import RegimeShare
-from .generic import RUN_TIME
-from .healthy import SPRINGS, is_beyond_healthy
-from .hypothesis import LATE, design
-from .likelihood import Weighed, weigh
+from ..fit.likelihood import Weighed, weigh
+from ..fit.normal_equations import fit, is_extrapolated, squares
+from ..fit.score import Gain, Stage
+from ..model.candidates import FREE
+from ..model.effect_sizes import SPRINGS, is_beyond_healthy
+from ..model.free_functions import RUN_TIME
+from ..model.gram import Bank
+from ..model.hypothesis import LATE, design
 from .localisation import regime_shares
 from .noise import noise
+from .shares import RegimeShare
 from .spectrum import PERIODIC, SPECTRAL, slow_share
-from .weighing import Gain, Stage
 
 Array = NDArray[np.float64]
 

@@ -11,13 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from .bank import Bank
-from .candidates import Candidate
-from .healthy import CABLE, SPRING
-from .likelihood import Weighed, by_chance, gained_by_joint, gained_by_shift, log_posterior, weigh
-from .linearisation import bends_parameters, linearised_anew
+from ..fit.likelihood import Weighed, by_chance, gained_by_joint, gained_by_shift, log_posterior, weigh
+from ..fit.linearisation import bends_parameters, linearised_anew
+from ..fit.score import Stage
+from ..model.candidates import Candidate
+from ..model.effect_sizes import CABLE, SPRING
+from ..model.gram import Bank
 from .shortlist import EVIDENCE_AGAINST_RUNS
-from .weighing import Stage
 
 # What any joint has a little of, and what is fitted beside: friction, ripple, cables.
 IMPERFECTIONS = (

@@ -7,54 +7,61 @@ imitate it, but it is not named.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
-from .accepted import (
+from ..data.preparation import Prepared
+from ..decision.attribution import Attribution
+from ..decision.reported_effects import (
+    accepted_as,
+    as_fitted_at_last,
+    is_dwarfed,
+    judged_again,
+    told_apart_at_last,
+)
+from ..fit.likeliest_shapes import after_a_step, at_likeliest_shapes
+from ..fit.likelihood import Weighed, gained, weigh
+from ..fit.linearisation import PAYLOAD, RELINEARISED, TRANSMISSIONS, first_linearised
+from ..fit.normal_equations import Fit, fitted_to, standard_values
+from ..fit.score import Stage
+from ..held_out.folds import covered, covered_for
+from ..model.base_regressor import Ground, ground
+from ..model.candidates import SATURATION, Candidate
+from ..model.effect_sizes import OFFSET, with_friction
+from ..model.gram import Bank
+from ..model.hypothesis import Design
+from ..model.library import Sought
+from ..plausibility.accepted import (
     Accepted,
     laws_of_load,
     laws_of_position,
     many_laws,
     out_of_bounds,
     resonances,
+    without_one,
     without_rests,
 )
-from .bank import Bank
-from .candidates import SATURATION, Candidate
-from .evidence import Fit, fitted_to, standard_values
-from .flat_top import flat_tops
-from .folds import covered, covered_for
-from .ground import Ground, ground
-from .healthy import OFFSET, with_friction
-from .hypothesis import Design
-from .imperfections import of_one_joint
-from .likeliest_shapes import after_a_step, at_likeliest_shapes
-from .likelihood import Weighed, gained, weigh
-from .linearisation import PAYLOAD, RELINEARISED, TRANSMISSIONS, first_linearised
-from .materiality import is_material
-from .naming import (
-    accepted_as,
-    as_fitted_at_last,
-    is_dwarfed,
-    judged_again,
-    told_apart_at_last,
-    without_one,
+from ..plausibility.imperfections import of_one_joint
+from ..plausibility.materiality import is_material
+from ..plausibility.observability import not_observable
+from ..proposals.flat_top import flat_tops
+from ..proposals.low_speed_friction import (
+    NearRest,
+    lead_candidates,
+    near_rest,
+    soft_candidates,
+    with_friction_near_rest,
 )
-from .near_rest import NearRest, lead_candidates, near_rest, soft_candidates, with_friction_near_rest
-from .observability import not_observable
-from .one_sided import one_sided
-from .preparation import Prepared
-from .round import Search
-from .saturation import Cut, cuts
-from .sought import Sought
-from .transmission_load import linearised_until_settled
-from .unclaimed import NOTHING, Unclaimed, unclaimed, with_its_period, without_imperfections
-from .vibration import vibrations, with_its_line, without_shaken, worth_telling
-from .weighing import Stage
+from ..proposals.one_sided_springs import one_sided
+from ..proposals.saturation import Cut, cuts
+from ..proposals.transmission_load import linearised_until_settled
+from ..proposals.vibration import vibrations, with_its_line, without_shaken, worth_telling
+from ..residual.unexplained import NOTHING, unclaimed, with_its_period, without_imperfections
+from .search_round import Search
 
 Array = NDArray[np.float64]
 
@@ -66,28 +73,6 @@ LIKE_ZEROS = ("base_tilt", PAYLOAD, *TRANSMISSIONS)
 FIRST_TAKEN = 4
 # A rival this probable cannot be told apart on these runs.
 CONFUSABLE = 0.1
-
-
-@dataclass(frozen=True)
-class Attribution:
-    """The hypothesis found.
-
-    unknown: structure that no effect explains. last_stage: what was not taken in. hidden: effects that would
-    not show in these runs.
-    """
-
-    prepared: Prepared
-    accepted: tuple[Accepted, ...]
-    hypothesis: Design
-    fitted: Fit
-    parameters_only: tuple[Design, Fit]
-    unknown: tuple[Unclaimed, ...]
-    last_stage: tuple[Weighed, ...]
-    hidden: tuple[tuple[str, int | None], ...]
-
-    def takes_in(self, name: str, joint: int) -> bool:
-        """Whether an effect is among what was taken in, at this joint."""
-        return (name, joint) in _places(self.accepted)
 
 
 def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:

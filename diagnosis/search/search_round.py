@@ -8,30 +8,25 @@ import numpy as np
 
 from testbench.robot import Robot
 
-from .accepted import Accepted
-from .alone import are_joints_own, is_elsewhere, is_enough_alone, is_late_alone, is_most
-from .bank import Bank
-from .candidates import EVENT, SATURATION
-from .contact import contact, explains_all_bursts, is_in_bursts_at_several
-from .evidence import Fit
-from .healthy import ELASTIC, RIPPLE, is_beyond_healthy, is_plausible
-from .hypothesis import Design
-from .laws import refined
-from .likelihood import Weighed, gained_by_shift, weigh
-from .linearisation import bends_parameters
-from .materiality import OF_ENCODER, SMALLEST_GAIN, SMALLEST_WALD, is_material
-from .ripple_peaks import ripple_candidates
-from .saturation import Cut, saturation
+from ..decision.found import Found
+from ..fit.likelihood import Weighed, weigh
+from ..fit.score import Gain, Stage
+from ..model.candidates import EVENT, SATURATION
+from ..model.effect_sizes import ELASTIC, RIPPLE, is_beyond_healthy, is_plausible
+from ..model.gram import Bank
+from ..plausibility.accepted import Accepted
+from ..plausibility.materiality import OF_ENCODER, SMALLEST_GAIN, SMALLEST_WALD, is_material
+from ..plausibility.single_effect import are_joints_own, is_elsewhere, is_enough_alone, is_late_alone, is_most
+from ..proposals.contact import contact, explains_all_bursts, is_in_bursts_at_several
+from ..proposals.laws import refined
+from ..proposals.ripple_peaks import ripple_candidates
+from ..proposals.saturation import Cut, saturation
+from ..residual.unexplained import unclaimed
+from .absorbed_effects import swallowed
 from .shortlist import choose
-from .swallowed import swallowed
-from .unclaimed import unclaimed
-from .weighing import Gain, Stage
 
 # What all runs together fit as nothing, by Wald's statistic, is nothing, whatever parts of them foretell.
 AS_NOTHING = 1.0
-# Four standard deviations of what shows in the parameters' shift, by this log-likelihood, which tells beside
-# them.
-SWALLOWED_WALD, SWALLOWED_SHIFT = 16.0, 1.5
 # A spring's column has a coefficient of one where its shape is right. With less than this it is another's,
 # which a little of its resonance happens to look like.
 LEAST_SPRING = 0.15
@@ -43,43 +38,6 @@ AS_MUCH = 0.7
 NEARLY_ALL = 0.9
 # One that is alone takes off this share of some joint's RMS torque.
 SEEN_ALONE = 0.0015
-# A trace that left-out runs tell has a name from four and a half standard deviations, with this share of some
-# joint's rest: what misfit and noise leave rarely has.
-TRACE_WALD, SMALLEST_TRACE = 20.0, 0.025
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a round takes in, with its rivals and the hypothesis that has it.
-
-    is_trace: as of Accepted. is_last: beside it, any other trace is a rest of it.
-    """
-
-    best: Weighed
-    rivals: tuple[tuple[Weighed, float], ...]
-    trial: tuple[Design, Fit]
-    is_trace: bool = False
-    is_last: bool = False
-
-    def is_certain(self, stage: Stage) -> bool:
-        """Whether its size is known well enough for a name.
-
-        Pushes and limits are judged where they are sought.
-        """
-        family = self.best.candidate.family
-        if family.effect in (EVENT, SATURATION):
-            return True
-        fitted, own = self.trial[1], slice(-self.best.candidate.count, None)
-        wald = fitted.wald(own)
-        if self.is_trace and not bends_parameters(family):
-            return bool(wald > TRACE_WALD and stage.shares(self.best.gain).max() > SMALLEST_TRACE)
-        if self.is_trace and self.best.candidate.count == 1:
-            # What makes up for a misfit has another size without one run or another: by both variances' mean.
-            by_folds = fitted.wald_by_folds(own)
-            wald = 2 * wald * by_folds / (wald + by_folds)
-        # A trace is told by all that the parameters say.
-        shifts = self.is_trace or gained_by_shift(stage, self.best.gain) > SWALLOWED_SHIFT
-        return bool(wald > (SWALLOWED_WALD if family.swallowed and shifts else SMALLEST_WALD))
 
 
 @dataclass(frozen=True)

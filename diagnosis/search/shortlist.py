@@ -7,18 +7,18 @@ from numpy.typing import NDArray
 
 from testbench.robot import Robot
 
-from .bank import Bank
-from .candidates import DELAY, Candidate
-from .evidence import Fit
-from .healthy import ELASTIC, LAG, SPRINGS
-from .hypothesis import Design
-from .laws import MORE_TRIED, by_its_law, late_alone, refined
-from .likeliest_shapes import at_likeliest_shape, is_searched
-from .likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price
-from .linearisation import TRANSMISSIONS, bends_parameters, linearised_anew
-from .materiality import OF_ENCODER
-from .shape_search import searched_for
-from .weighing import Stage
+from ..fit.likeliest_shapes import at_likeliest_shape, is_searched
+from ..fit.likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price
+from ..fit.linearisation import TRANSMISSIONS, bends_parameters, linearised_anew
+from ..fit.normal_equations import Fit
+from ..fit.score import Stage
+from ..fit.shape_search import searched_for
+from ..model.candidates import DELAY, Candidate
+from ..model.effect_sizes import ELASTIC, LAG, SPRINGS
+from ..model.gram import Bank
+from ..model.hypothesis import Design
+from ..plausibility.materiality import OF_ENCODER
+from ..proposals.laws import MORE_TRIED, by_its_law, late_alone, refined
 
 Array = NDArray[np.float64]
 

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from diagnosis.correction import Corrected
-from diagnosis.decimation import decimating_filter
-from diagnosis.evidence import fit
+from diagnosis.correction.corrected_model import Corrected
+from diagnosis.correction.prediction import PredictedTorque, predict_torque
+from diagnosis.data.decimation import decimating_filter
+from diagnosis.data.preparation import DEAD_ZONE, REACH_PERIODS, filter_cutoff, prepare
+from diagnosis.fit.normal_equations import fit
 from diagnosis.held_out.shrinkage import everything
-from diagnosis.hypothesis import design
-from diagnosis.predict import PredictedTorque, predict_torque
-from diagnosis.preparation import DEAD_ZONE, REACH_PERIODS, filter_cutoff, prepare
+from diagnosis.model.hypothesis import design
 from identification.differentiation import differentiate
 from identification.inverse_dynamics import inverse_dynamics
 from identification.models import POSITION_BAND

@@ -5,17 +5,17 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from diagnosis.predict import DOCUMENT, read_diagnosed
+from diagnosis.correction.prediction import DOCUMENT, read_diagnosed
 from identification.errors import InputError
 from testbench.files import read_json, replacing, require_writable, write_json
 from testbench.log import read_log
 
+from ..runner import run_each
 from .case import SEALED, make_case, places
 from .draw import case_names, kinds_of
 from .hidden import hidden_error
 from .judge import Row, closed, judge
 from .page import write_page
-from .runner import run_each
 from .scenario import BlindScenario, load_blind_scenario
 from .seal import ANSWERS, MANIFEST, opened, seal
 from .verdict import score_document, verdict

@@ -32,7 +32,7 @@ def write_page(rows: Sequence[Row], verdict: Sequence[Line], path: Path) -> None
     limits = detection_limits(rows)
     judged = [line for line in verdict if line.reached is not None]
     text = (
-        page_environment("diagnosis.blind", "testbench.report")
+        page_environment("studies.blind", "testbench.report")
         .get_template("blind.html")
         .render(
             cases=len(rows),

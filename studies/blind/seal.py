@@ -9,7 +9,7 @@ from identification.errors import InputError
 from testbench.containment.shape import inside, require_shape
 from testbench.files import read_json, write_json
 
-from ..shapes import Answers, Manifest
+from ..document_shapes import Answers, Manifest
 from .case import CASES, SEALED, places
 
 MANIFEST, ANSWERS = "manifest.json", "answers.json"

@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from diagnosis.correction.prediction import DOCUMENT, read_diagnosed
 from diagnosis.diagnose import diagnose
-from diagnosis.document import write_diagnosis
-from diagnosis.predict import DOCUMENT, read_diagnosed
+from diagnosis.report.document import write_diagnosis
 from identification.errors import InputError
 from testbench.containment.shape import require_shape
 from testbench.effects import effects
@@ -17,13 +17,13 @@ from testbench.files import read_json, require_writable, write_json
 from testbench.log import read_log
 from testbench.robot import load_robot
 
-from ..shapes import StudyResult
+from ..document_shapes import StudyResult
+from ..runner import run_each
 from .case import CASES, SEALED, Places, make_case, places
 from .draw import case_names, kinds_of
 from .hidden import hidden_error
 from .jobs import same_scenario, write_scores
 from .judge import Row, closed, judge
-from .runner import run_each
 from .scenario import BlindScenario, load_blind_scenario
 from .seal import MANIFEST
 

@@ -4,16 +4,16 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from diagnosis.correction.prediction import DOCUMENT
+from diagnosis.experiment.discriminating_motion import FILE
+from diagnosis.job import diagnose_logs
 from identification.errors import InputError
 from testbench.excitation_file import read_trajectory, write_excitation
 from testbench.files import read_json, require_writable, write_json
 from testbench.log import write_log
 from testbench.progress import steps
 
-from ..discrimination import FILE
-from ..job import diagnose_logs
-from ..predict import DOCUMENT
-from ..shapes import require_diagnosis
+from ..document_shapes import require_diagnosis
 from .outcome import Outcome, Round, loop_document, outcome, read_round
 from .page import write_page
 from .scenario import LoopScenario, load_loop_scenario

@@ -25,7 +25,7 @@ def write_page(found: Outcome, robot: Robot, motions: Sequence[Trajectory], path
     units = ["m" if slide else "rad" for slide in robot.chain.is_slide]
     proposed = found.follow == "proposed"
     text = (
-        page_environment("diagnosis.loop", "testbench.report")
+        page_environment("studies.loop", "testbench.report")
         .get_template("loop.html")
         .render(
             name=found.name,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.experiment.discriminating_motion import LIMIT_SHARE as PROPOSED_SHARE
 from identification.errors import InputError
 from identification.excitation.design import random_excitation
 from identification.excitation.excitation import DesignOptions, Excitation
@@ -20,7 +21,6 @@ from testbench.run import simulation_options
 from testbench.scenario import Scenario
 from testbench.simulation import SimulationOptions, sample_reference, simulate
 
-from ..discrimination import LIMIT_SHARE as PROPOSED_SHARE
 from .scenario import LoopScenario
 
 # Streams drawn from a scenario's seed; each round has a noise of its own.

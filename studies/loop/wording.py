@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from diagnosis.report import words
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 from testbench.findings import significant
 
-from ..report import words
 from .outcome import Outcome, Place, Round
 
 

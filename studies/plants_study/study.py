@@ -11,15 +11,15 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from diagnosis.diagnose import diagnose
-from diagnosis.document import diagnosis_document
+from diagnosis.report.document import diagnosis_document
 from identification.errors import InputError
 from testbench.files import read_json, replacing, require_writable, write_json
 from testbench.robot import load_robot
 from testbench.runs import read_runs
 
-from .cases import run_cases
-from .plants import draw, plants
-from .plants.drawing import UNKNOWN
+from ..cases import run_cases
+from ..plants import draw, plants
+from ..plants.drawing import UNKNOWN
 from .scoring import Bin, Share, calibration_error, reliability, risk_and_coverage
 
 Row = dict[str, Any]

@@ -1,7 +1,7 @@
 """An effect that was taken in, with a name or without."""
 
-from diagnosis.accepted import Accepted
-from diagnosis.candidates import Candidate
+from diagnosis.model.candidates import Candidate
+from diagnosis.plausibility.accepted import Accepted
 
 
 def accepted_of(candidate: Candidate, named: bool = True) -> Accepted:

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.candidates import candidates
-from diagnosis.ground import ground
-from diagnosis.healthy import times_healthy
-from diagnosis.preparation import prepare
-from diagnosis.weighing import Stage
+from diagnosis.data.preparation import prepare
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.model.effect_sizes import times_healthy
 
-from .diagnosed import simulated_runs
+from ..diagnosed import simulated_runs
 
 
 def squares(stage, share):

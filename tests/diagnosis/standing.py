@@ -9,7 +9,7 @@ from testbench.robot import Robot
 from testbench.simulation import SimulationOptions, simulate
 from testbench.simulation.reference import Reference
 
-from .diagnosed import RATE
+from ..diagnosed import RATE
 
 RUNS, MOVE, STAND, MOVES, SEED = 3, 0.7, 0.6, 8, 8
 

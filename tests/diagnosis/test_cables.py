@@ -6,7 +6,7 @@ import pytest
 from diagnosis.diagnose import diagnose
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
+from ..diagnosed import simulated_runs
 
 STIFFNESS, FRICTION, YIELDS = 3.0, 0.2, 0.1
 CABLE = f"cable_spring:elbow:stiffness={STIFFNESS},rest=0.4"

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.blind.hidden import hidden_error
-from diagnosis.correction import corrected_model
+from diagnosis.correction.corrected_model import corrected_model
+from diagnosis.decision.findings import Gap
 from diagnosis.diagnose import diagnose
-from diagnosis.findings import Gap
-from diagnosis.verdict_in_words import shrunk_in_words
+from diagnosis.report.sentence import shrunk_in_words
 from identification.errors import InputError
+from studies.blind.hidden import hidden_error
 from testbench.effects import parse_injection
 from testbench.log import read_log
 from testbench.robot import load_robot

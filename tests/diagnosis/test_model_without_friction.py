@@ -5,14 +5,14 @@ import re
 import numpy as np
 import pytest
 
-from diagnosis.attribution import attribute
-from diagnosis.preparation import prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.search.growth import attribute
 from identification.parameters import ARMATURE, COULOMB, PER_JOINT, VISCOUS
 from identification.prior import parameter_widths
 from testbench.effects.base import Injection
 from testbench.robot import Robot, load_robot
 
-from .diagnosed import simulated_runs
+from ..diagnosed import simulated_runs
 
 
 @pytest.fixture(scope="module")

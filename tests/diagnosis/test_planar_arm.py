@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from diagnosis.attribution import CONFUSABLE, attribute
-from diagnosis.candidates import candidates
-from diagnosis.certainty import DOUBTFUL, NAMED
+from diagnosis.data.preparation import prepare
+from diagnosis.decision.probability import DOUBTFUL, NAMED
 from diagnosis.diagnose import diagnose
-from diagnosis.preparation import prepare
+from diagnosis.model.candidates import candidates
+from diagnosis.search.growth import CONFUSABLE, attribute
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
-from .small_arm import ARM, small_arm
+from ..diagnosed import simulated_runs
+from ..small_arm import ARM, small_arm
 
 PLANAR = ARM.replace('axis="0 0 1" range="-2 2" armature=".05"', 'axis="0 1 0" range="-2 2" armature=".05"')
 

@@ -5,10 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.correction import Corrected, corrected_model, correction_document, read_correction
+from diagnosis.correction.corrected_mjcf import write_corrected
+from diagnosis.correction.corrected_model import (
+    Corrected,
+    corrected_model,
+    correction_document,
+    read_correction,
+)
+from diagnosis.correction.prediction import predict_torque
 from diagnosis.diagnose import diagnose
-from diagnosis.predict import predict_torque
-from diagnosis.remedy import write_corrected
 from identification.base_parameters import base_parameters
 from identification.estimators import estimate
 from identification.excitation.constraints import SmoothConstraints
@@ -20,9 +25,9 @@ from testbench.effects import parse_injection
 from testbench.robot import Robot, load_robot
 from testbench.sampling import motion
 
-from .diagnosed import RATE, simulated_runs
-from .mujoco_torque import mujoco_torques
-from .small_arm import ARM, SCARA, small_arm
+from ..diagnosed import RATE, simulated_runs
+from ..mujoco_torque import mujoco_torques
+from ..small_arm import ARM, SCARA, small_arm
 
 SHOULDER, ELBOW = 30.0, 6.0
 SPRUNG = ARM.replace('name="shoulder"', f'name="shoulder" stiffness="{SHOULDER} 4 2" springref=".6"').replace(

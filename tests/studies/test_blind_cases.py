@@ -11,15 +11,15 @@ import h5py
 import numpy as np
 import pytest
 
-from diagnosis.blind.case import LITTLE, make_case, places
-from diagnosis.blind.draw import drawn_case, kinds_of
-from diagnosis.blind.jobs import make, same_scenario, score
-from diagnosis.blind.outside import OUTSIDE, outside_values
-from diagnosis.blind.scenario import load_blind_scenario
-from diagnosis.blind.seal import opened, seal
-from diagnosis.blind.study import Study, work
 from identification.errors import InputError
 from identification.parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT, VISCOUS
+from studies.blind.case import LITTLE, make_case, places
+from studies.blind.draw import drawn_case, kinds_of
+from studies.blind.jobs import make, same_scenario, score
+from studies.blind.outside import OUTSIDE, outside_values
+from studies.blind.scenario import load_blind_scenario
+from studies.blind.seal import opened, seal
+from studies.blind.study import Study, work
 from testbench.effects import effects
 from testbench.effects.base import Injection
 from testbench.files import read_json, write_json
@@ -28,8 +28,8 @@ from testbench.lost_samples import lost_samples
 from testbench.robot import load_robot
 from testbench.simulation import Reference, SimulationOptions, simulate
 
+from ..small_arm import ARM
 from .blind_documents import diagnosis
-from .small_arm import ARM
 
 SCENARIO = """
 name: blind_test
@@ -271,5 +271,5 @@ def test_a_finished_set_is_left_as_it_is(scenario, sealed, tmp_path, capsys) -> 
 
 @pytest.mark.parametrize("name", ["blind_small", "blind_study"])
 def test_the_committed_scenarios_load(name: str) -> None:
-    found = load_blind_scenario(Path(__file__).parents[1] / "scenarios" / f"{name}.yaml")
+    found = load_blind_scenario(Path(__file__).parents[2] / "scenarios" / f"{name}.yaml")
     assert found.name == name

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from diagnosis.blind.case import BESIDE, LITTLE
-from diagnosis.blind.judge import closed, judge
-from diagnosis.blind.merit import (
+from identification.errors import InputError
+from studies.blind.case import BESIDE, LITTLE
+from studies.blind.judge import closed, judge
+from studies.blind.merit import (
     Rejections,
     Share,
     detection_limit,
@@ -14,7 +15,6 @@ from diagnosis.blind.merit import (
     risk_and_coverage,
     shares,
 )
-from identification.errors import InputError
 
 from .blind_documents import answer, diagnosis
 

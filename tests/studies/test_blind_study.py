@@ -4,9 +4,9 @@ import csv
 
 import pytest
 
-from diagnosis.blind.study import study
+from studies.blind.study import study
 
-from .small_arm import ARM
+from ..small_arm import ARM
 
 SCENARIO = """
 name: blind_regression

@@ -7,13 +7,13 @@ from pathlib import Path
 import h5py
 import pytest
 
-from diagnosis.loop.job import close_loop
-from diagnosis.loop.outcome import Place, read_round
-from diagnosis.loop.scenario import load_loop_scenario
-from diagnosis.loop.summary import summary
 from identification.errors import InputError
+from studies.loop.job import close_loop
+from studies.loop.outcome import Place, read_round
+from studies.loop.scenario import load_loop_scenario
+from studies.loop.summary import summary
 
-from .small_arm import ARM
+from ..small_arm import ARM
 
 # The elbow turns so little that its cable may as well be a gravity spring.
 SCENARIO = """
@@ -37,9 +37,9 @@ def scenario_file(tmp_path_factory):
 @pytest.fixture(scope="module")
 def closed(scenario_file):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("diagnosis.discrimination.KINDS", ((0.25, 5), (0.25, 12)))
-        patch.setattr("diagnosis.discrimination.DRAWS", 2)
-        patch.setattr("diagnosis.discrimination.IMPROVEMENTS", 4)
+        patch.setattr("diagnosis.experiment.discriminating_motion.KINDS", ((0.25, 5), (0.25, 12)))
+        patch.setattr("diagnosis.experiment.discriminating_motion.DRAWS", 2)
+        patch.setattr("diagnosis.experiment.discriminating_motion.IMPROVEMENTS", 4)
         return close_loop(scenario_file, scenario_file.parent / "out"), scenario_file.parent / "out"
 
 
@@ -96,7 +96,7 @@ def test_a_folder_of_another_scenario_is_refused(closed, scenario_file):
 
 
 def test_one_seed_gives_one_log(closed, scenario_file, tmp_path, monkeypatch):
-    monkeypatch.setattr("diagnosis.loop.job.diagnose_logs", _stopped)
+    monkeypatch.setattr("studies.loop.job.diagnose_logs", _stopped)
     with pytest.raises(KeyboardInterrupt):
         close_loop(scenario_file, tmp_path)
     with h5py.File(tmp_path / "round_1/run_2.h5") as one, h5py.File(closed[1] / "round_1/run_2.h5") as two:
@@ -163,5 +163,5 @@ def test_an_effect_that_the_model_cannot_have_is_refused_before_anything_is_writ
 
 
 def test_the_shipped_scenarios_load_and_bear_their_files_names():
-    paths = sorted((Path(__file__).parents[1] / "scenarios").glob("loop_*.yaml"))
+    paths = sorted((Path(__file__).parents[2] / "scenarios").glob("loop_*.yaml"))
     assert [load_loop_scenario(path).name for path in paths] == [path.stem for path in paths]

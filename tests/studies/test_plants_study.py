@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from identification.errors import InputError
-from studies import plants_study
-from studies.plants_study import Robot, judged, page, scored, study, work
-from studies.scoring import Share, calibration_error, reliability, risk_and_coverage
+from studies.plants_study import study as plants_study
+from studies.plants_study.scoring import Share, calibration_error, reliability, risk_and_coverage
+from studies.plants_study.study import Robot, judged, page, scored, study, work
 
 
 def test_wilson_interval() -> None:

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.preparation import prepare
+from diagnosis.data.preparation import prepare
 from testbench.effects.link_motion import LinkRow, elastic_change, link_row
 
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
 
 STIFFNESS, DAMPING = 50.0, 0.05
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from diagnosis.attribution import attribute
-from diagnosis.preparation import prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.search.growth import attribute
 from identification.pipeline import IdentificationOptions
 from testbench.findings import headline
 from testbench.identify import identify_recordings
@@ -17,7 +17,7 @@ from testbench.robot import Robot
 from testbench.sampling import on_grid
 from testbench.time_stamps import as_sampled
 
-from .diagnosed import measured_only, simulated_runs
+from ...diagnosed import measured_only, simulated_runs
 
 
 @pytest.fixture(scope="module")

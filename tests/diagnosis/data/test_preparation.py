@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis import mended_log, preparation
+from diagnosis.data import mended_log, preparation
+from diagnosis.data.preparation import CUTOFF, REACH_PERIODS, prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.hypothesis import design
-from diagnosis.preparation import CUTOFF, REACH_PERIODS, prepare
+from diagnosis.model.hypothesis import design
 from diagnosis.report.summary import summary
 from identification.band import Bands
 from identification.errors import InputError
 from testbench.effects import parse_injection
 from testbench.log import Recording
 
-from .diagnosed import RATE, simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import RATE, simulated_runs
+from ...small_arm import small_arm
 
 GAP = slice(3000, 3060)
 

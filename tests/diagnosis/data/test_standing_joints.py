@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.candidates import candidates
-from diagnosis.correction import corrected_model
+from diagnosis.correction.corrected_model import corrected_model
+from diagnosis.correction.prediction import predict_torque
+from diagnosis.data.preparation import prepare
+from diagnosis.data.single_sine import one_sine
 from diagnosis.diagnose import diagnose
-from diagnosis.healthy import TOOL_REACH, is_plausible
-from diagnosis.motion.one_sine import one_sine
-from diagnosis.predict import predict_torque
-from diagnosis.preparation import prepare
+from diagnosis.model.candidates import candidates
+from diagnosis.model.effect_sizes import TOOL_REACH, is_plausible
 from testbench.effects.payload import arm_length
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .diagnosed import measured_only, simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import measured_only, simulated_runs
+from ...small_arm import small_arm
 
 ELBOW = 1
 STEP = 2e-3

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.accepted import Accepted
-from diagnosis.held_out.doubts import AT_ITS_BOUND, NOT_PREDICTED, UNCERTAIN, doubt, with_support
+from diagnosis.decision.doubts import AT_ITS_BOUND, NOT_PREDICTED, UNCERTAIN, doubt, with_support
 from diagnosis.held_out.shrinkage import Kept
+from diagnosis.plausibility.accepted import Accepted
 from testbench.effects.signature import Quantity
 
 

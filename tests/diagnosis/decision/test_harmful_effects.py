@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.accepted import Accepted
-from diagnosis.attribution import Attribution
-from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to, on_whole_runs, squares
-from diagnosis.misleading import without_misleading
-from diagnosis.preparation import prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.decision.attribution import Attribution
+from diagnosis.decision.harmful_effects import without_misleading
+from diagnosis.fit.normal_equations import fitted_to, on_whole_runs, squares
+from diagnosis.model.candidates import candidates
+from diagnosis.plausibility.accepted import Accepted
 
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
 
 
 @pytest.fixture(scope="module")

@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.attribution import attribute
-from diagnosis.candidates import candidates
+from diagnosis.data.preparation import prepare
+from diagnosis.decision.findings import Gap
+from diagnosis.decision.held_out_check import closed_without_a_name, names_that_hold, pushes_that_hold
 from diagnosis.diagnose import diagnose
-from diagnosis.findings import Gap
-from diagnosis.preparation import prepare
-from diagnosis.unmet import closed_without_a_name, names_that_hold, pushes_that_hold
+from diagnosis.model.candidates import candidates
+from diagnosis.search.growth import attribute
 from testbench.effects import parse_injection
 
-from .accepted_effects import accepted_of
-from .diagnosed import RATE, simulated_runs
-from .small_arm import SCARA, small_arm
+from ...diagnosed import RATE, simulated_runs
+from ...small_arm import SCARA, small_arm
+from ..accepted_effects import accepted_of
 
 
 @pytest.fixture(scope="module")
@@ -130,10 +130,10 @@ def test_what_comes_nearest_is_told_with_what_it_leaves(arm, monkeypatch):
     runs = simulated_runs(arm, [parse_injection(arm, "cable_spring:elbow:stiffness=4.0,rest=0.4")], runs=3)
     assert [each.effect for each in diagnose(arm, runs).effects] == ["cable_spring"]
     # As if it left more than a robot's own law does.
-    monkeypatch.setattr("diagnosis.unmet.LEFT_FAR_FROM_NOISE", 0.0)
-    monkeypatch.setattr("diagnosis.unmet.MOSTLY_CLOSED", 2.0)
-    monkeypatch.setattr("diagnosis.unmet.FAR_FROM_NOISE", 0.0)
-    monkeypatch.setattr("diagnosis.unmet.LEAST_UNMET", 0.0)
+    monkeypatch.setattr("diagnosis.decision.held_out_check.LEFT_FAR_FROM_NOISE", 0.0)
+    monkeypatch.setattr("diagnosis.decision.held_out_check.MOSTLY_CLOSED", 2.0)
+    monkeypatch.setattr("diagnosis.decision.held_out_check.FAR_FROM_NOISE", 0.0)
+    monkeypatch.setattr("diagnosis.decision.held_out_check.LEAST_UNMET", 0.0)
     found = diagnose(arm, runs)
     assert found.verdict == "unknown"
     assert re.match(r"At elbow cable spring comes nearest and leaves \d+% of the gap: ", found.sentence)

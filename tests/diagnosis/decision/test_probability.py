@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.candidates import candidates
-from diagnosis.certainty import DEVIATIONS, DOUBTFUL, LEFT, NAMED, certainties
-from diagnosis.findings import Gap, NamedEffect
-from diagnosis.preparation import prepare
-from diagnosis.verdict_in_words import sentence_of
+from diagnosis.data.preparation import prepare
+from diagnosis.decision.findings import Gap, NamedEffect
+from diagnosis.decision.probability import DEVIATIONS, DOUBTFUL, LEFT, NAMED, certainties
+from diagnosis.model.candidates import candidates
+from diagnosis.report.sentence import sentence_of
 from testbench.effects.signature import Quantity
 
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
 
 ELBOW = 1
 

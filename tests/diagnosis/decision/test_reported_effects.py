@@ -6,16 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.candidates import candidates
-from diagnosis.ground import ground
-from diagnosis.naming import as_fitted_at_last, couples, is_borne_out
-from diagnosis.preparation import prepare
-from diagnosis.weighing import Stage
+from diagnosis.data.preparation import prepare
+from diagnosis.decision.reported_effects import as_fitted_at_last, couples, is_borne_out
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
 from identification.parameters import COULOMB
 from testbench.effects import parse_injection
 
-from .accepted_effects import accepted_of
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
+from ..accepted_effects import accepted_of
 
 
 @pytest.fixture(scope="module")
@@ -99,8 +99,8 @@ def test_a_shared_drive_moves_one_of_its_joints(arm, monkeypatch, coulomb, least
     prepared = prepare(arm, simulated_runs(arm, [shared]))
     stage = Stage.of(ground(prepared), [])
     gain = stage.gain(candidates(prepared, only=["joint_coupling"])[0])
-    monkeypatch.setattr("diagnosis.naming.LEAST_COUPLED", least)
-    monkeypatch.setattr("diagnosis.naming.NEARLY_ALL_COUPLED", nearly_all)
+    monkeypatch.setattr("diagnosis.decision.reported_effects.LEAST_COUPLED", least)
+    monkeypatch.setattr("diagnosis.decision.reported_effects.NEARLY_ALL_COUPLED", nearly_all)
     assert couples(arm, stage, gain) == moves
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis.bounded import minimisers, solve
+from diagnosis.fit.bounded import minimisers, solve
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -3,22 +3,22 @@
 import numpy as np
 import pytest
 
-from diagnosis.attribution import attribute
-from diagnosis.candidates import candidates
+from diagnosis.correction.prediction import DOCUMENT, predict_torque, read_diagnosed
+from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.document import write_diagnosis
-from diagnosis.evidence import fitted_to
-from diagnosis.linearisation import first_linearised, linearised_anew
-from diagnosis.predict import DOCUMENT, predict_torque, read_diagnosed
-from diagnosis.preparation import prepare
-from diagnosis.zeros import likeliest_zero
+from diagnosis.fit.encoder_zeros import likeliest_zero
+from diagnosis.fit.linearisation import first_linearised, linearised_anew
+from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.model.candidates import candidates
+from diagnosis.report.document import write_diagnosis
+from diagnosis.search.growth import attribute
 from identification.inverse_dynamics import inverse_dynamics
 from identification.parameters import ARMATURE, without_friction
 from testbench.effects import parse_injection
 
-from .diagnosed import measured_only, simulated_runs
-from .diagnosis_output.arm import ARM
-from .small_arm import small_arm
+from ...diagnosed import measured_only, simulated_runs
+from ...small_arm import small_arm
+from ..output.arm import ARM
 
 LIFT = 1
 
@@ -85,5 +85,5 @@ def test_a_zero_that_is_not_among_the_first_that_are_found_is_given_up(crane, mo
     offset = parse_injection(crane, f"encoder_offset:lift:offset={np.deg2rad(11)}")
     prepared = prepare(crane, simulated_runs(crane, [offset, ripple], runs=3))
     assert attribute(prepared).prepared.zeros.any()
-    monkeypatch.setattr("diagnosis.attribution.FIRST_TAKEN", 1)
+    monkeypatch.setattr("diagnosis.search.growth.FIRST_TAKEN", 1)
     assert not attribute(prepared).prepared.zeros.any()

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.candidates import candidates
-from diagnosis.delay import likeliest_delay
-from diagnosis.evidence import fit, fitted_to, squares
-from diagnosis.linearisation import first_linearised, linearised_anew
-from diagnosis.preparation import prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.fit.delay import likeliest_delay
+from diagnosis.fit.linearisation import first_linearised, linearised_anew
+from diagnosis.fit.normal_equations import fit, fitted_to, squares
+from diagnosis.model.candidates import candidates
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
 
 LAST = 1
 

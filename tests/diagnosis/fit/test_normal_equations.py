@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.evidence import fitted_to, squares
-from diagnosis.hypothesis import BEST_MODEL
-from diagnosis.preparation import prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.fit.normal_equations import fitted_to, squares
+from diagnosis.model.hypothesis import BEST_MODEL
 from identification.parameters import COULOMB, VISCOUS
 
-from .diagnosed import simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import simulated_runs
+from ...small_arm import small_arm
 
 INERTIAL = slice(0, 10)
 # Places of the kinds among the prior's scales.

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from diagnosis.bank import Bank
-from diagnosis.bounded import solve
-from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to, squares
-from diagnosis.ground import ground
-from diagnosis.hypothesis import scaled_precision
-from diagnosis.preparation import prepare
-from diagnosis.weighing import Stage
+from diagnosis.data.preparation import prepare
+from diagnosis.fit.bounded import solve
+from diagnosis.fit.normal_equations import fitted_to, squares
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.model.gram import Bank
+from diagnosis.model.hypothesis import scaled_precision
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import simulated_runs
+from ...small_arm import small_arm
 
 EFFECTS = ("stribeck_friction", "load_dependent_friction", "encoder_offset", "cable_spring")
 

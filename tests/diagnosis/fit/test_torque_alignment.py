@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.alignment import aligned, lateness
-from diagnosis.correction import corrected_model
+from diagnosis.correction.corrected_model import corrected_model
+from diagnosis.correction.prediction import predict_torque
+from diagnosis.data.preparation import Prepared, prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.evidence import fitted_to
-from diagnosis.predict import predict_torque
-from diagnosis.preparation import Prepared, prepare
+from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.fit.torque_alignment import aligned, lateness
 from diagnosis.report import words
 from testbench.effects import parse_injection
 from testbench.log import Recording
 from testbench.torque_lag import IN_TIME, TorqueLag
 
-from .diagnosed import measured_only, simulated_runs
+from ...diagnosed import measured_only, simulated_runs
 
 # Samples of a millisecond.
 LATE, FAR_LATE = 12, 80

@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.candidates import candidates
+from diagnosis.data.preparation import prepare
+from diagnosis.decision.reported_effects import warms
 from diagnosis.diagnose import diagnose
-from diagnosis.evidence import fitted_to
-from diagnosis.ground import ground
-from diagnosis.likeliest_shapes import at_likeliest_shape
-from diagnosis.naming import warms
-from diagnosis.preparation import prepare
-from diagnosis.weighing import Stage
+from diagnosis.fit.likeliest_shapes import at_likeliest_shape
+from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .diagnosed import RATE, simulated_runs
+from ...diagnosed import RATE, simulated_runs
 
 ELBOW, VISCOUS, COULOMB = 1, 1.0, 1.0
 DROP, PAUSE = 0.5, 10.0

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.held_out.unlike import OFFSETS, in_words, without_differences
+from diagnosis.data.preparation import prepare
+from diagnosis.fit.linearisation import PAYLOAD
+from diagnosis.held_out.differing_runs import OFFSETS, in_words, without_differences
 from diagnosis.job import diagnose_logs
-from diagnosis.linearisation import PAYLOAD
-from diagnosis.preparation import prepare
 from identification.errors import InputError
 from testbench.effects import parse_injection
 from testbench.robot import Robot
 
-from .diagnosed import simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import simulated_runs
+from ...small_arm import small_arm
 
 MASS = 2.0
 

@@ -5,21 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.bank import Bank
-from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to
-from diagnosis.folds import covered, covered_for
-from diagnosis.ground import ground
-from diagnosis.preparation import prepare
-from diagnosis.weighing import Stage
+from diagnosis.data.preparation import prepare
+from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.fit.score import Stage
+from diagnosis.held_out.folds import covered, covered_for
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.model.gram import Bank
 from identification.parameters import ARMATURE, COULOMB
 from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .diagnosed import measured_only, simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import measured_only, simulated_runs
+from ...small_arm import small_arm
 
 NOISE = 0.02
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.correction import corrected_model
-from diagnosis.predict import predict_torque
-from diagnosis.recurrence import recurrence
+from diagnosis.correction.corrected_model import corrected_model
+from diagnosis.correction.prediction import predict_torque
+from diagnosis.held_out.recurring_push import recurrence
 from testbench.effects import parse_injection
 
-from .diagnosed import diagnosed, simulated_runs
+from ...diagnosed import diagnosed, simulated_runs
 
 ELBOW = 1
 NOISE = 0.02

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.candidates import candidate, candidates
-from diagnosis.ground import ground
-from diagnosis.healthy import (
+from diagnosis.data.preparation import prepare
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidate, candidates
+from diagnosis.model.effect_sizes import (
     is_beyond_healthy,
     is_excessive,
     is_plausible,
@@ -15,13 +16,12 @@ from diagnosis.healthy import (
     quantities,
     times_healthy,
 )
-from diagnosis.preparation import prepare
 from identification.parameters import COULOMB, MASS
 from testbench.effects import effect
 from testbench.effects.size import scale_of, typical_range
 
-from .diagnosed import simulated_runs
-from .small_arm import ARM, SCARA, small_arm
+from ...diagnosed import simulated_runs
+from ...small_arm import ARM, SCARA, small_arm
 
 
 def _first_of(arm, name, joint):

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from diagnosis.near_rest import NearRest, with_friction_near_rest
-from diagnosis.preparation import prepare
-from diagnosis.sought import Sought
+from diagnosis.data.preparation import prepare
+from diagnosis.model.library import Sought
+from diagnosis.proposals.low_speed_friction import NearRest, with_friction_near_rest
 from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
 from testbench.effects import effects
 
-from .diagnosed import simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import simulated_runs
+from ...small_arm import small_arm
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from diagnosis.diagnose import diagnose
 from identification.filtering import central_difference
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
 
 
 @pytest.mark.parametrize("exponent", [1.3, 2.7])

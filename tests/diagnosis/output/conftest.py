@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from diagnosis.document import write_diagnosis
-from diagnosis.findings import Diagnosis
+from diagnosis.decision.findings import Diagnosis
+from diagnosis.report.document import write_diagnosis
 from testbench.effects import injection
 from testbench.log import Recording, write_log
 from testbench.robot import Robot, load_robot
 
-from ..diagnosed import diagnosed, in_closed_loop, simulated_runs
+from ...diagnosed import diagnosed, in_closed_loop, simulated_runs
 from .arm import ARM, LIFT
 
 

@@ -7,12 +7,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from diagnosis.findings import Diagnosis
-from diagnosis.remedy import corrections, write_corrected
+from diagnosis.correction.corrected_mjcf import corrections, write_corrected
+from diagnosis.decision.findings import Diagnosis
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from ..diagnosed import in_closed_loop
+from ...diagnosed import in_closed_loop
 from .arm import LIFT
 
 

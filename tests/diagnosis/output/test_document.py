@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.correction import Term, corrected_model, correction_document, read_correction
-from diagnosis.document import write_diagnosis
-from diagnosis.findings import Diagnosis
+from diagnosis.correction.corrected_model import Term, corrected_model, correction_document, read_correction
+from diagnosis.correction.prediction import logged_motion, predict, term_torque
+from diagnosis.decision.findings import Diagnosis
 from diagnosis.job import diagnose_logs
-from diagnosis.predict import logged_motion, predict, term_torque
+from diagnosis.report.document import write_diagnosis
 from identification.errors import InputError
 from testbench.log import CHANNELS, Recording, read_log, write_log
 from testbench.robot import Robot
 
-from ..diagnosed import diagnosed
+from ...diagnosed import diagnosed
 from .arm import ARM, LIFT
 
 

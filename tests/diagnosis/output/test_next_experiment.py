@@ -6,25 +6,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.discrimination import next_experiment
-from diagnosis.experiments import why
-from diagnosis.findings import Diagnosis
-from diagnosis.rivals import still_open
-from diagnosis.separation import Separation
+from diagnosis.decision.findings import Diagnosis
+from diagnosis.experiment.discriminating_motion import next_experiment
+from diagnosis.experiment.reasons import why
+from diagnosis.experiment.rivals import still_open
+from diagnosis.experiment.separation import Separation
 from testbench.excitation_file import read_trajectory, write_excitation
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from ..diagnosed import diagnosed
+from ...diagnosed import diagnosed
 
 
 def _designed_quickly(
     patch: pytest.MonkeyPatch, *kinds: tuple[float, int], improvements: int = 2, better: float = 2.0
 ) -> None:
     """Few kinds of motion and improvements; a motion is worth it that is so many times better."""
-    patch.setattr("diagnosis.discrimination.KINDS", kinds)
-    patch.setattr("diagnosis.discrimination.IMPROVEMENTS", improvements)
-    patch.setattr("diagnosis.discrimination.BETTER", better)
+    patch.setattr("diagnosis.experiment.discriminating_motion.KINDS", kinds)
+    patch.setattr("diagnosis.experiment.discriminating_motion.IMPROVEMENTS", improvements)
+    patch.setattr("diagnosis.experiment.discriminating_motion.BETTER", better)
 
 
 def test_next_experiment_parts_the_rivals_further_and_can_be_simulated(
@@ -89,7 +89,7 @@ def test_a_fast_run_is_judged_by_few_of_its_samples(
     assert open_ is not None
     judge = Separation(answer, open_)
     few = judge.of_run(run)
-    monkeypatch.setattr("diagnosis.separation.SAMPLE_RATE", run.sample_rate)
+    monkeypatch.setattr("diagnosis.experiment.separation.SAMPLE_RATE", run.sample_rate)
     # The rows that are kept are a little denser at one rate than at the other.
     np.testing.assert_allclose(np.sqrt(few), np.sqrt(judge.of_run(run)), rtol=0.12)
 

@@ -7,9 +7,9 @@ import h5py
 import numpy as np
 import pytest
 
-from diagnosis.correction import Term, corrected_model
-from diagnosis.findings import Diagnosis
-from diagnosis.predict import logged_motion, predict, predict_torque, term_torque
+from diagnosis.correction.corrected_model import Term, corrected_model
+from diagnosis.correction.prediction import logged_motion, predict, predict_torque, term_torque
+from diagnosis.decision.findings import Diagnosis
 from identification.filtering import zero_phase_lowpass
 from identification.inverse_dynamics import inverse_dynamics
 from identification.parameters import COULOMB, PER_JOINT, VISCOUS
@@ -17,7 +17,7 @@ from testbench.effects import effects
 from testbench.effects.base import Scope
 from testbench.log import Recording, read_log
 
-from ..diagnosed import measured_only
+from ...diagnosed import measured_only
 from .arm import LIFT
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from rerun.chunk import RrdReader
 from rich.console import Console
 
-from diagnosis.document import diagnosis_document
-from diagnosis.findings import Diagnosis
+from diagnosis.decision.findings import Diagnosis
+from diagnosis.report.document import diagnosis_document
 from diagnosis.report.page import render
 from diagnosis.report.session import write_session
 from diagnosis.report.summary import summary
@@ -19,8 +19,8 @@ from testbench.recording import POSE_RATE
 from testbench.robot import Robot
 from testbench.torque_lag import TorqueLag
 
-from ..diagnosed import diagnosed, in_closed_loop
-from ..html_page import Page
+from ...diagnosed import diagnosed, in_closed_loop
+from ...html_page import Page
 
 
 def test_page_shows_every_section_without_network(answer: Diagnosis, runs: dict[str, Recording]) -> None:

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.findings import Diagnosis, Gap
+from diagnosis.decision.findings import Diagnosis, Gap
+from diagnosis.report.sentence import sentence_of
 from diagnosis.report.summary import summary
 from diagnosis.report.words import where
-from diagnosis.verdict_in_words import sentence_of
 from testbench.robot import Robot
 
 TORQUE = np.array([10.0, 100.0, 20.0])

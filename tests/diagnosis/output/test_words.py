@@ -10,7 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 from diagnosis.report.words import noise_unseen, parameters, quantity
 from testbench.effects.signature import Quantity
 
-from ..diagnosed import diagnosed
+from ...diagnosed import diagnosed
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.accepted import (
+from diagnosis.data.preparation import prepare
+from diagnosis.diagnose import diagnose
+from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.plausibility.accepted import (
     MANY,
     ONE_WAY,
     RESONANCE,
@@ -19,17 +25,11 @@ from diagnosis.accepted import (
     resonances,
     without_rests,
 )
-from diagnosis.candidates import candidates
-from diagnosis.diagnose import diagnose
-from diagnosis.evidence import fitted_to
-from diagnosis.ground import ground
-from diagnosis.preparation import prepare
-from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 
-from .accepted_effects import accepted_of
-from .diagnosed import simulated_runs
-from .small_arm import SCARA, small_arm
+from ...diagnosed import simulated_runs
+from ...small_arm import SCARA, small_arm
+from ..accepted_effects import accepted_of
 
 
 @pytest.fixture(scope="module")

@@ -6,21 +6,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.accepted import Accepted
-from diagnosis.candidates import Candidate
+from diagnosis.decision.findings import Diagnosis
 from diagnosis.diagnose import diagnose
-from diagnosis.findings import Diagnosis
-from diagnosis.healthy import times_healthy
-from diagnosis.imperfections import of_one_joint
-from diagnosis.likelihood import Weighed
+from diagnosis.fit.likelihood import Weighed
+from diagnosis.fit.score import Stage
+from diagnosis.model.candidates import Candidate
+from diagnosis.model.effect_sizes import times_healthy
+from diagnosis.plausibility.accepted import Accepted
+from diagnosis.plausibility.imperfections import of_one_joint
 from diagnosis.report.words import everywhere
-from diagnosis.weighing import Stage
 from testbench.effects import parse_injection
 from testbench.robot import Robot, load_robot
 
-from .certain_gain import certain, healthy_stage, squares
-from .diagnosed import simulated_runs
-from .small_arm import SCARA, small_arm
+from ...diagnosed import simulated_runs
+from ...small_arm import SCARA, small_arm
+from ..certain_gain import certain, healthy_stage, squares
 
 # N·m·s²/rad² (N·s²/m²) that bend each joint's friction about as much, by its own torque.
 BENT = {"turn": 1.2, "fold": 0.45, "lift": 90.0}

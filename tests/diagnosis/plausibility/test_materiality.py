@@ -5,21 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.attribution import attribute
-from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to
-from diagnosis.ground import ground
-from diagnosis.healthy import is_beyond_healthy
-from diagnosis.likelihood import Weighed
-from diagnosis.materiality import is_material, is_obvious
-from diagnosis.preparation import prepare
-from diagnosis.prominence import is_main
-from diagnosis.weighing import Stage
+from diagnosis.data.preparation import prepare
+from diagnosis.fit.likelihood import Weighed
+from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.model.effect_sizes import is_beyond_healthy
+from diagnosis.plausibility.materiality import is_material, is_obvious
+from diagnosis.plausibility.prominence import is_main
+from diagnosis.search.growth import attribute
 from testbench.effects import parse_injection
 
-from .certain_gain import certain, healthy_stage, of_size, squares
-from .diagnosed import measured_only, simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import measured_only, simulated_runs
+from ...small_arm import small_arm
+from ..certain_gain import certain, healthy_stage, of_size, squares
 
 
 def _weighed(arm, text, shape):

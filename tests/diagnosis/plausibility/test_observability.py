@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.likelihood import Weighed
-from diagnosis.materiality import SMALLEST_WALD
-from diagnosis.observability import not_observable
+from diagnosis.fit.likelihood import Weighed
+from diagnosis.plausibility.materiality import SMALLEST_WALD
+from diagnosis.plausibility.observability import not_observable
 from testbench.effects import effect
 from testbench.effects.size import typical_range
 
-from .certain_gain import healthy_stage
+from ..certain_gain import healthy_stage
 
 
 @pytest.mark.parametrize("name", ["load_dependent_friction", "encoder_offset"])

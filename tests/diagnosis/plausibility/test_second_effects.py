@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.candidates import candidates
-from diagnosis.likelihood import Weighed
-from diagnosis.prominence import is_main
-from diagnosis.weighing import Stage
+from diagnosis.fit.likelihood import Weighed
+from diagnosis.fit.score import Stage
+from diagnosis.model.candidates import candidates
+from diagnosis.plausibility.prominence import is_main
 
-from .certain_gain import certain, healthy_stage, of_size, squares
-from .small_arm import small_arm
+from ...small_arm import small_arm
+from ..certain_gain import certain, healthy_stage, of_size, squares
 
 
 @pytest.mark.parametrize(

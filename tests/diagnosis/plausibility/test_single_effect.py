@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.accepted import Accepted
-from diagnosis.alone import is_elsewhere, is_enough_alone, is_most
-from diagnosis.candidates import candidates
 from diagnosis.diagnose import diagnose
-from diagnosis.healthy import times_healthy
-from diagnosis.likelihood import Weighed, gained
+from diagnosis.fit.likelihood import Weighed, gained
+from diagnosis.model.candidates import candidates
+from diagnosis.model.effect_sizes import times_healthy
+from diagnosis.plausibility.accepted import Accepted
+from diagnosis.plausibility.single_effect import is_elsewhere, is_enough_alone, is_most
 from testbench.effects import parse_injection
-from tests.certain_gain import certain, healthy_stage, squares
 from tests.diagnosed import simulated_runs
+from tests.diagnosis.certain_gain import certain, healthy_stage, squares
 from tests.small_arm import small_arm
 
 FAULT = "transmission_ripple:shoulder:amplitude=1.5,cycles=12"

@@ -7,21 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.attribution import attribute
-from diagnosis.bank import Bank
-from diagnosis.candidates import Candidate, candidates
-from diagnosis.contact import contact, explains_all_bursts
+from diagnosis.data.preparation import Prepared, prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.evidence import fitted_to, squares
-from diagnosis.generic import generic_candidates
-from diagnosis.ground import ground
-from diagnosis.preparation import Prepared, prepare
-from diagnosis.weighing import Stage
+from diagnosis.fit.normal_equations import fitted_to, squares
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import Candidate, candidates
+from diagnosis.model.free_functions import generic_candidates
+from diagnosis.model.gram import Bank
+from diagnosis.proposals.contact import contact, explains_all_bursts
+from diagnosis.search.growth import attribute
 from testbench.effects import parse_injection
 from testbench.effects.link_force import independent
 
-from .diagnosed import simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import simulated_runs
+from ...small_arm import small_arm
 
 PUSH = "external_contact:elbow:law=world_force,torque=20,start=1.5,duration=0.6"
 
@@ -135,8 +135,10 @@ def test_a_push_is_seen_where_friction_near_rest_leaves_more_than_it(tmp_path):
 def test_a_push_of_which_a_function_of_the_motion_fits_half_leaves_far_less(
     pushed, monkeypatch, fitted, less, expected
 ):
-    monkeypatch.setattr("diagnosis.contact.fitted_shares", lambda *_: np.full(pushed.joints, fitted))
-    monkeypatch.setattr("diagnosis.contact.LESS_LEFT", less)
+    monkeypatch.setattr(
+        "diagnosis.proposals.contact.fitted_shares", lambda *_: np.full(pushed.joints, fitted)
+    )
+    monkeypatch.setattr("diagnosis.proposals.contact.LESS_LEFT", less)
     _, found = _sought(pushed)
     assert (found is not None) == expected
 
@@ -150,11 +152,11 @@ def test_a_push_is_sought_where_a_function_of_the_motion_fits_more_than_of_a_sho
     torque = runs["run_1"].torque.copy()
     torque[2000:2030, 1] += 12.0
     prepared = prepare(arm, {**runs, "run_1": replace(runs["run_1"], torque=torque)})
-    monkeypatch.setattr("diagnosis.contact.fitted_shares", lambda *_: np.array([0.6, 0.4]))
+    monkeypatch.setattr("diagnosis.proposals.contact.fitted_shares", lambda *_: np.array([0.6, 0.4]))
     _, found = _sought(prepared)
     assert found is not None
     assert found[0].candidate.family.joint == 0
-    monkeypatch.setattr("diagnosis.contact.fitted_shares", lambda *_: np.array([0.85, 0.4]))
+    monkeypatch.setattr("diagnosis.proposals.contact.fitted_shares", lambda *_: np.array([0.85, 0.4]))
     assert _sought(prepared)[1] is None
 
 

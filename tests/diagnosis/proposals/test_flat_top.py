@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.flat_top import flat_tops
-from diagnosis.preparation import prepare
+from diagnosis.proposals.flat_top import flat_tops
 from diagnosis.report.signature import signature
 from identification.filtering import zero_phase_lowpass
 from identification.inverse_dynamics import inverse_dynamics

@@ -6,18 +6,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from diagnosis.attribution import attribute
-from diagnosis.correction import corrected_model, correction_document, read_correction
+from diagnosis.correction.corrected_mjcf import write_corrected
+from diagnosis.correction.corrected_model import corrected_model, correction_document, read_correction
+from diagnosis.correction.prediction import predict_torque
+from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.predict import predict_torque
-from diagnosis.preparation import prepare
-from diagnosis.remedy import write_corrected
 from diagnosis.report.words import near_rest
+from diagnosis.search.growth import attribute
 from testbench.effects.logged import logged_run
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
 
 # s: half of what the time constant and MuJoCo's largest impedance, .95, make of each other.
 TIME_CONSTANT = 0.02

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from diagnosis.attribution import attribute
-from diagnosis.bank import Bank
-from diagnosis.correction import corrected_model
+from diagnosis.correction.corrected_mjcf import write_corrected
+from diagnosis.correction.corrected_model import corrected_model
+from diagnosis.correction.prediction import predict_torque
+from diagnosis.data.preparation import Prepared, prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.evidence import fitted_to
-from diagnosis.ground import ground
-from diagnosis.near_rest import (
+from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.gram import Bank
+from diagnosis.proposals.low_speed_friction import (
     GUESSED,
     NearRest,
     lead_candidates,
@@ -20,17 +23,14 @@ from diagnosis.near_rest import (
     soft_candidates,
     with_friction_near_rest,
 )
-from diagnosis.predict import predict_torque
-from diagnosis.preparation import Prepared, prepare
-from diagnosis.remedy import write_corrected
-from diagnosis.weighing import Stage
+from diagnosis.search.growth import attribute
 from identification.parameters import COULOMB
 from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .diagnosed import measured_only, simulated_runs
+from ...diagnosed import measured_only, simulated_runs
 
 WIDTH, SHOULDER, NOISE = 0.08, 0, 0.01
 

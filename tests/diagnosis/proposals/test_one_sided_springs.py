@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from diagnosis.diagnose import diagnose
-from diagnosis.one_sided import ONE_SIDED
+from diagnosis.proposals.one_sided_springs import ONE_SIDED
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
 
 ELBOW = 1
 

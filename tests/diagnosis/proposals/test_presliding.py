@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from diagnosis.attribution import attribute
-from diagnosis.candidates import candidates
+from diagnosis.data.preparation import Prepared, prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.ground import ground
-from diagnosis.preparation import Prepared, prepare
-from diagnosis.presliding_at_rest import held_by_bristles
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.proposals.presliding import held_by_bristles
 from diagnosis.report.words import near_rest
-from diagnosis.weighing import Stage
+from diagnosis.search.growth import attribute
 from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects import parse_injection
 from testbench.log import Recording
 from testbench.robot import Robot, load_robot
 from testbench.simulation import SensorOptions, SimulationOptions
 
-from .standing import standing_runs
+from ..standing import standing_runs
 
 SHOULDER, STIFFNESS = 0, 4000.0
 

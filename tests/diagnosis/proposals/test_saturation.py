@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.attribution import attribute
-from diagnosis.bank import Bank
-from diagnosis.generic import generic_candidates
-from diagnosis.ground import ground
-from diagnosis.healthy import quantities
-from diagnosis.preparation import prepare
-from diagnosis.saturation import cuts, saturation
-from diagnosis.weighing import Stage
+from diagnosis.data.preparation import prepare
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.effect_sizes import quantities
+from diagnosis.model.free_functions import generic_candidates
+from diagnosis.model.gram import Bank
+from diagnosis.proposals.saturation import cuts, saturation
+from diagnosis.search.growth import attribute
 from testbench.effects import parse_injection
 from testbench.simulation import SimulationOptions, simulate
 from testbench.simulation.reference import Reference
 
-from .diagnosed import RATE, simulated_runs
+from ...diagnosed import RATE, simulated_runs
 
 
 def _named(arm, runs):

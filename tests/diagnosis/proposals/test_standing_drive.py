@@ -6,16 +6,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from diagnosis.attribution import Attribution, attribute
-from diagnosis.preparation import DEAD_ZONE, prepare
+from diagnosis.data.preparation import DEAD_ZONE, prepare
+from diagnosis.decision.attribution import Attribution
+from diagnosis.search.growth import attribute
 from testbench.effects.logged import logged_run
 from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.simulation import SensorOptions, SimulationOptions, simulate
 from testbench.simulation.reference import Reference
 
-from .diagnosed import RATE
-from .standing import MOVES, RUNS, SEED, move
+from ...diagnosed import RATE
+from ..standing import MOVES, RUNS, SEED, move
 
 VISCOUS, COULOMB, WIDTH, NOISE = 0.5, 0.6, 0.02, 0.01
 # Cycles a second and rad of the joints against each other, whatever their sum does.

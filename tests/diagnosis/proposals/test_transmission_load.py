@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.bank import Bank
-from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to
-from diagnosis.ground import ground
-from diagnosis.likelihood import weigh
-from diagnosis.linearisation import first_linearised, linearised_anew
-from diagnosis.preparation import prepare
-from diagnosis.shortlist import choose
-from diagnosis.transmission_load import linearised_until_settled, refined_again
-from diagnosis.weighing import Stage
+from diagnosis.data.preparation import prepare
+from diagnosis.fit.likelihood import weigh
+from diagnosis.fit.linearisation import first_linearised, linearised_anew
+from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.model.gram import Bank
+from diagnosis.proposals.transmission_load import linearised_until_settled, refined_again
+from diagnosis.search.shortlist import choose
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
 
 ELBOW, STIFFNESS = 1, 33.0
 EFFECTS = (

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from diagnosis.diagnose import diagnose
-from diagnosis.vibration import strongest_line
+from diagnosis.proposals.vibration import strongest_line
 from testbench.effects import parse_injection
 from testbench.effects.base import Injection
 
-from .diagnosed import simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import simulated_runs
+from ...small_arm import small_arm
 
 
 @pytest.mark.parametrize(("frequency", "size"), [(8.0, 0.3), (8.0, 0.5), (12.0, 0.5)])

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from diagnosis.accepted import SLOWEST_RIPPLE
-from diagnosis.candidates import candidates
+from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.ground import ground
-from diagnosis.linearisation import first_linearised
-from diagnosis.preparation import prepare
-from diagnosis.ripple_peaks import ripple_candidates
-from diagnosis.weighing import Stage
+from diagnosis.fit.linearisation import first_linearised
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.plausibility.accepted import SLOWEST_RIPPLE
+from diagnosis.proposals.ripple_peaks import ripple_candidates
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
 
 RIPPLE, ECCENTRICITY = "transmission_ripple", "encoder_eccentricity"
 SINE = "amplitude=2.0,cycles=24.3,phase=0.5"

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diagnosis.findings import RegimeShare
-from diagnosis.localisation import densest, regime_shares
-from diagnosis.preparation import Prepared, Run, prepare
-from diagnosis.spectrum import slow_share
+from diagnosis.data.preparation import Prepared, Run, prepare
+from diagnosis.residual.localisation import densest, regime_shares
+from diagnosis.residual.shares import RegimeShare
+from diagnosis.residual.spectrum import slow_share
 from testbench.robot import Robot
 
-from .diagnosed import measured_only, simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import measured_only, simulated_runs
+from ...small_arm import small_arm
 
 JOINT = 1
 Torque = Callable[[Run, np.random.Generator], np.ndarray]

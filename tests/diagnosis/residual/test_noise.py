@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from diagnosis.noise import noise
-from diagnosis.preparation import Prepared, prepare
+from diagnosis.data.preparation import Prepared, prepare
+from diagnosis.residual.noise import noise
 from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.simulation import SensorOptions, SimulationOptions
 
-from .standing import standing_runs
+from ..standing import standing_runs
 
 # Share of each joint's torque limit.
 NOISE = 0.001

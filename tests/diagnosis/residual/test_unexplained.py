@@ -7,23 +7,23 @@ import pytest
 from scipy import signal
 from scipy.interpolate import CubicSpline
 
-from diagnosis.bank import Bank
-from diagnosis.candidates import FREE, candidates
+from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.evidence import fitted_to
-from diagnosis.generic import RUN_TIME, generic_candidates
-from diagnosis.ground import ground
-from diagnosis.likelihood import Weighed, weigh
-from diagnosis.preparation import prepare
-from diagnosis.unclaimed import NOTHING, TIMING, Unclaimed, unclaimed, without_imperfections
-from diagnosis.weighing import Stage
+from diagnosis.fit.likelihood import Weighed, weigh
+from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import FREE, candidates
+from diagnosis.model.free_functions import RUN_TIME, generic_candidates
+from diagnosis.model.gram import Bank
+from diagnosis.residual.unexplained import NOTHING, TIMING, Unclaimed, unclaimed, without_imperfections
 from identification.parameters import ARMATURE
 from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run
 
-from .certain_gain import certain, squares
-from .diagnosed import measured_only, simulated_runs
-from .small_arm import SCARA, small_arm
+from ...diagnosed import measured_only, simulated_runs
+from ...small_arm import SCARA, small_arm
+from ..certain_gain import certain, squares
 
 SLOWER = 20
 
@@ -120,7 +120,7 @@ def test_a_function_that_all_runs_fit_by_chance_foretells_by_chance(tmp_path, mo
     assert 10 < own.count < wald
     stage.held_squares = squares(stage, 0.1)
     gain = certain(stage, own, 1.0, np.array([0.4, 0.0]) * stage.held_squares, wald)
-    monkeypatch.setattr("diagnosis.unclaimed.weigh", lambda *_: [Weighed(gain, 50.0)])
+    monkeypatch.setattr("diagnosis.residual.unexplained.weigh", lambda *_: [Weighed(gain, 50.0)])
     found = unclaimed(stage, stage, Bank(stage.ground, free))
     assert ((0, RUN_TIME) in [(each.joint, each.regime) for each in found]) == expected
 

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.bank import Bank
-from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to
-from diagnosis.ground import ground
-from diagnosis.likelihood import weigh
-from diagnosis.preparation import prepare
-from diagnosis.swallowed import swallowed
-from diagnosis.weighing import Stage
+from diagnosis.data.preparation import prepare
+from diagnosis.fit.likelihood import weigh
+from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.model.gram import Bank
+from diagnosis.search.absorbed_effects import swallowed
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
 
 
 def test_all_imperfections_of_a_joint_are_fitted_beside_what_is_swallowed(arm):
@@ -54,8 +54,8 @@ def test_what_left_out_runs_speak_against_must_add_more_to_all_of_them(
     stage = Stage.of(ground(prepared), [])
     gains = weigh(stage, Bank(stage.ground, candidates(prepared, only=["torque_gain_error"])))[:1]
     foretold, added = [replace(each, score=score) for each in gains], iter([0.0, evidence])
-    monkeypatch.setattr("diagnosis.swallowed.log_posterior", lambda *_: next(added))
-    monkeypatch.setattr("diagnosis.swallowed.weigh", lambda *_: foretold)
+    monkeypatch.setattr("diagnosis.search.absorbed_effects.log_posterior", lambda *_: next(added))
+    monkeypatch.setattr("diagnosis.search.absorbed_effects.weigh", lambda *_: foretold)
     _, found = swallowed(stage, gains)
     assert bool(found) == expected
 
@@ -70,10 +70,10 @@ def test_what_spares_the_parameters_a_large_shift_is_fitted_in_full(arm, monkeyp
         replace(each, score=-60.0, gain=replace(each.gain, prior=stage.prior + shift)) for each in gains
     ]
     added = iter([0.0, 40.0])
-    monkeypatch.setattr("diagnosis.swallowed.log_posterior", lambda *_: next(added))
-    monkeypatch.setattr("diagnosis.swallowed.weigh", lambda *_: spared)
+    monkeypatch.setattr("diagnosis.search.absorbed_effects.log_posterior", lambda *_: next(added))
+    monkeypatch.setattr("diagnosis.search.absorbed_effects.weigh", lambda *_: spared)
     # As if what is left of it in the torque told little.
-    monkeypatch.setattr("diagnosis.swallowed.WORTH_A_FIT_AGAINST", np.inf)
+    monkeypatch.setattr("diagnosis.search.absorbed_effects.WORTH_A_FIT_AGAINST", np.inf)
     _, found = swallowed(stage, gains)
     assert bool(found) == expected
 
@@ -92,7 +92,7 @@ def test_many_coefficients_must_add_more_than_one(arm, monkeypatch, fault, evide
     stage = Stage.of(ground(prepared), [])
     weighed = weigh(stage, Bank(stage.ground, candidates(prepared, only=[fault.split(":")[0]])))[:1]
     added = iter([0.0, evidence])
-    monkeypatch.setattr("diagnosis.swallowed.log_posterior", lambda *_: next(added))
-    monkeypatch.setattr("diagnosis.swallowed.weigh", lambda *_: weighed)
+    monkeypatch.setattr("diagnosis.search.absorbed_effects.log_posterior", lambda *_: next(added))
+    monkeypatch.setattr("diagnosis.search.absorbed_effects.weigh", lambda *_: weighed)
     _, found = swallowed(stage, weighed)
     assert bool(found) == expected

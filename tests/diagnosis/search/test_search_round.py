@@ -4,18 +4,19 @@ from dataclasses import replace
 
 import pytest
 
-from diagnosis.bank import Bank
-from diagnosis.candidates import candidates
-from diagnosis.evidence import Fit
-from diagnosis.ground import ground
-from diagnosis.likelihood import Weighed, weigh
-from diagnosis.preparation import prepare
-from diagnosis.round import Found, Search
-from diagnosis.weighing import Stage
+from diagnosis.data.preparation import prepare
+from diagnosis.decision.found import Found
+from diagnosis.fit.likelihood import Weighed, weigh
+from diagnosis.fit.normal_equations import Fit
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.model.gram import Bank
+from diagnosis.search.search_round import Search
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
-from .small_arm import small_arm
+from ...diagnosed import simulated_runs
+from ...small_arm import small_arm
 
 
 def test_what_all_runs_together_fit_as_nothing_is_not_open(tmp_path):
@@ -81,8 +82,8 @@ def test_a_trace_of_one_error_of_an_encoder_is_held_against_its_other(tmp_path, 
     def chosen(robot, stage, material, open_):
         listed.extend(each.candidate.family.effect for each in open_)
 
-    monkeypatch.setattr("diagnosis.round.swallowed", lambda *_: (stage, own))
-    monkeypatch.setattr("diagnosis.round.choose", chosen)
+    monkeypatch.setattr("diagnosis.search.search_round.swallowed", lambda *_: (stage, own))
+    monkeypatch.setattr("diagnosis.search.search_round.choose", chosen)
     assert Search(stage, arm, [], ())._trace(stage, weighed) is None
     assert set(listed) == {"encoder_offset", "encoder_eccentricity"}
 
@@ -100,7 +101,9 @@ def test_a_push_is_one_where_a_limit_of_its_drive_explains_far_less(tmp_path, mo
 
     pushed = Found(seen_as("external_contact", 100.0), (), stage.with_effects([own.candidate]))
     monkeypatch.setattr(Search, "push", lambda *_: pushed)
-    monkeypatch.setattr("diagnosis.round.saturation", lambda *_: seen_as("torque_saturation", limit))
+    monkeypatch.setattr(
+        "diagnosis.search.search_round.saturation", lambda *_: seen_as("torque_saturation", limit)
+    )
     found = Search(stage, arm, [], ()).round(stage, [], Bank(stage.ground, []))
     assert found is not None
     assert found.best.candidate.family.effect == expected
@@ -118,8 +121,8 @@ def test_a_shared_drive_that_its_other_joint_tells_is_taken_in_before_a_limit(
     own = next(stage.gain(each) for each in friction if each.family.joint == 1)
     limit = replace(own.candidate, family=replace(own.candidate.family, effect="torque_saturation"))
     clipped = Weighed(replace(own, candidate=limit), 1e6)
-    monkeypatch.setattr("diagnosis.round.NEARLY_ALL", nearly_all)
-    monkeypatch.setattr("diagnosis.round.saturation", lambda *_: clipped)
+    monkeypatch.setattr("diagnosis.search.search_round.NEARLY_ALL", nearly_all)
+    monkeypatch.setattr("diagnosis.search.search_round.saturation", lambda *_: clipped)
     monkeypatch.setattr(Search, "push", lambda *_: None)
     found = Search(stage, arm, [], ()).round(stage, weighed, Bank(stage.ground, []))
     assert found is not None

@@ -2,18 +2,19 @@
 
 import pytest
 
-from diagnosis import laws, shortlist
-from diagnosis.bank import Bank
-from diagnosis.candidates import candidates
-from diagnosis.evidence import fitted_to
-from diagnosis.ground import ground
-from diagnosis.likelihood import log_likelihood, weigh
-from diagnosis.preparation import prepare
-from diagnosis.shortlist import choose
-from diagnosis.weighing import Stage
+from diagnosis.data.preparation import prepare
+from diagnosis.fit.likelihood import log_likelihood, weigh
+from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.model.gram import Bank
+from diagnosis.proposals import laws
+from diagnosis.search import shortlist
+from diagnosis.search.shortlist import choose
 from testbench.effects import parse_injection
 
-from .diagnosed import simulated_runs
+from ...diagnosed import simulated_runs
 
 
 def test_what_fits_a_joint_best_is_listed_though_it_was_not_material(arm):
