@@ -7,8 +7,8 @@ from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from diagnosis.loop.job import close_loop
-from diagnosis.loop.outcome import Outcome
+from studies.loop.job import close_loop
+from studies.loop.outcome import Outcome
 from testbench.processes import process_pool
 
 from ._report import Report

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.blind.case import make_case, places
-from diagnosis.blind.draw import case_names, kinds_of
-from diagnosis.blind.scenario import load_blind_scenario
+from studies.blind.case import make_case, places
+from studies.blind.draw import case_names, kinds_of
+from studies.blind.scenario import load_blind_scenario
 
 from ._arms import MODEL, ROOT
 from ._report import Goal, Report

@@ -10,31 +10,32 @@ from recordings.checks.finding import Finding, barring
 from testbench.log import Recording
 from testbench.robot import Robot
 
-from .accepted import Accepted
-from .alignment import aligned
-from .attribution import CONFUSABLE, Attribution, attribute
-from .certainty import certainties
-from .correction import corrected_by
-from .deviations import covariance_with_shapes
-from .evidence import Fit, rms, standard_values
-from .findings import Diagnosis, Gap, NamedEffect, RankedCandidate
-from .held_out.at_rest import left_at_rest
-from .held_out.doubts import ONE_SINE, doubt, with_support
+from .correction.corrected_model import corrected_by
+from .correction.residual_near_rest import left_at_rest
+from .data.preparation import Prepared
+from .data.single_sine import one_sine
+from .decision.attribution import Attribution
+from .decision.doubts import ONE_SINE, doubt, with_support
+from .decision.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
+from .decision.harmful_effects import without_misleading, without_undetermined
+from .decision.held_out_check import closed_without_a_name, names_that_hold, pushes_that_hold
+from .decision.probability import certainties
+from .decision.reported_effects import is_how_runs_begin
+from .fit.normal_equations import Fit, rms, standard_values
+from .fit.shape_covariance import covariance_with_shapes
+from .fit.torque_alignment import aligned
+from .held_out.differing_runs import without_differences
 from .held_out.prior_strength import with_predictive_prior
+from .held_out.recurring_push import recurrence
 from .held_out.shrinkage import Kept, everything, shares_kept
-from .held_out.unlike import without_differences
-from .hypothesis import Design
-from .intervals import rms_interval
-from .localisation import where
-from .misleading import without_misleading, without_undetermined
-from .motion.one_sine import one_sine
-from .naming import is_how_runs_begin
-from .noise import noise
-from .preparation import Prepared
-from .recurrence import recurrence
-from .unclaimed import NOTHING
-from .unmet import closed_without_a_name, names_that_hold, pushes_that_hold
-from .verdict_in_words import sentence_of, unclaimed_in_words
+from .model.hypothesis import Design
+from .plausibility.accepted import Accepted
+from .report.sentence import sentence_of, unclaimed_in_words
+from .residual.intervals import rms_interval
+from .residual.localisation import where
+from .residual.noise import noise
+from .residual.unexplained import NOTHING
+from .search.growth import CONFUSABLE, attribute
 
 Array = NDArray[np.float64]
 

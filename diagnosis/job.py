@@ -17,13 +17,13 @@ from testbench.progress import steps
 from testbench.robot import load_robot, print_notes
 from testbench.runs import by_path, logged_joints, read_runs, run_names
 
+from .correction.closed_loop_gap import forward_gap, gap_as_given
+from .correction.corrected_mjcf import write_corrected
+from .correction.prediction import DOCUMENT
+from .decision.findings import Diagnosis
 from .diagnose import diagnose
-from .discrimination import NextExperiment, next_experiment
-from .document import write_diagnosis
-from .findings import Diagnosis
-from .forward import forward_gap, gap_as_given
-from .predict import DOCUMENT
-from .remedy import write_corrected
+from .experiment.discriminating_motion import NextExperiment, next_experiment
+from .report.document import write_diagnosis
 
 # What is left in a folder of results.
 WRITTEN = ("corrected.xml", "diagnosis.json", "next_experiment.json", "report.html", "session.rrd")

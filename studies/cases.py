@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagnosis.blind.runner import run_each
+from studies.runner import run_each
 from testbench.files import read_json, write_json
 
 

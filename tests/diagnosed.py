@@ -5,18 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.blind.outside import OUTSIDE
-from diagnosis.candidates import Candidate, candidate
-from diagnosis.evidence import fit
-from diagnosis.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
-from diagnosis.forward import ForwardGap, forward_gap, gap_as_given
+from diagnosis.correction.closed_loop_gap import ForwardGap, forward_gap, gap_as_given
+from diagnosis.data.preparation import Prepared, prepare
+from diagnosis.decision.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
+from diagnosis.fit.linearisation import first_linearised
+from diagnosis.fit.normal_equations import fit
 from diagnosis.held_out.shrinkage import everything
-from diagnosis.hypothesis import design
-from diagnosis.linearisation import first_linearised
-from diagnosis.localisation import where
-from diagnosis.preparation import Prepared, prepare
+from diagnosis.model.candidates import Candidate, candidate
+from diagnosis.model.hypothesis import design
+from diagnosis.residual.localisation import where
 from identification.excitation.design import DesignOptions, random_excitation
 from identification.parameters import PER_JOINT
+from studies.blind.outside import OUTSIDE
 from testbench.effects import effect
 from testbench.effects.base import Injection
 from testbench.log import Recording

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.decimation import decimating_filters, filtered, filtered_windows
+from diagnosis.data.decimation import decimating_filters, filtered, filtered_windows
 from identification.band import NOISE, joint_bands, position_noise
 from identification.inverse_dynamics import inverse_dynamics
 from identification.signals import Motion

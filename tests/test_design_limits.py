@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.reached import within_reach
+from diagnosis.experiment.reached_limits import within_reach
 from identification.errors import InputError
 from identification.excitation.design import DesignOptions, random_excitation
 from testbench.clearance import clearance_of

@@ -9,8 +9,8 @@ import pytest
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticUndefined
 
-from diagnosis.imperfections import ALIKE
-from diagnosis.materiality import SMALLEST_SHIFT
+from diagnosis.plausibility.imperfections import ALIKE
+from diagnosis.plausibility.materiality import SMALLEST_SHIFT
 from testbench.cli import app
 from testbench.estimate_file import estimate_document
 from testbench.excitation_file import UNITS
@@ -171,16 +171,30 @@ def test_the_limits_example_is_read_as_limits(tmp_path: Path) -> None:
 
 def test_the_architecture_page_names_every_module() -> None:
     text = (ROOT / "docs" / "architecture.md").read_text()
-    for room in ("identification", "testbench"):
-        for path in (ROOT / room).iterdir():
+    rooms = [ROOT / room for room in ("identification", "testbench", "diagnosis", "studies")]
+    for room in (*rooms, *(path for path in (ROOT / "diagnosis").iterdir() if path.is_dir())):
+        for path in room.iterdir():
             is_room = path.is_dir() and (path / "__init__.py").is_file()
             if is_room or (path.suffix == ".py" and path.stem != "__init__"):
                 assert f"`{path.name}{'/' if is_room else ''}`" in text, path
 
 
 def test_the_page_of_decisions_names_files_that_exist() -> None:
-    named = re.findall(r"`(\w+\.py)`", (ROOT / "docs" / "decisions.md").read_text())
-    assert [name for name in named if not (ROOT / "diagnosis" / name).is_file()] == []
+    named = re.findall(r"`([\w/]+\.py)`", (ROOT / "docs" / "decisions.md").read_text())
+    files = [(ROOT / "diagnosis" / name, ROOT / name) for name in named]
+    assert files
+    assert [inside for inside, whole in files if not (inside.is_file() or whole.is_file())] == []
+
+
+def test_a_room_of_the_diagnosis_imports_only_rooms_above_it() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text()
+    text = text[text.index("\n### diagnosis\n") : text.index("\n### studies\n")]
+    rooms = re.findall(r"^\| `(\w+)/` \|", text, re.MULTILINE)
+    assert sorted(rooms) == sorted(path.parent.name for path in (ROOT / "diagnosis").glob("*/__init__.py"))
+    for rank, room in enumerate(rooms):
+        for path in (ROOT / "diagnosis" / room).glob("*.py"):
+            imported = re.findall(r"^\s*from (?:\.\.|diagnosis\.)(\w+)", path.read_text(), re.MULTILINE)
+            assert set(imported) <= set(rooms[: rank + 1]), path
 
 
 def test_the_page_of_decisions_states_the_levels_of_the_code() -> None:

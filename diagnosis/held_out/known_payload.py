@@ -18,10 +18,10 @@ from scipy.optimize import least_squares
 
 from identification.parameters import MASS
 
-from ..candidates import Candidate
-from ..ground import ground
-from ..hypothesis import INDEPENDENT
-from ..preparation import Prepared
+from ..data.preparation import Prepared
+from ..model.base_regressor import ground
+from ..model.candidates import Candidate
+from ..model.hypothesis import INDEPENDENT
 
 Array = NDArray[np.float64]
 

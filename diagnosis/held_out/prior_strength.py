@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..evidence import Fit, fit, on_whole_runs, squares
-from ..hypothesis import Design
+from ..fit.normal_equations import Fit, fit, on_whole_runs, squares
+from ..model.hypothesis import Design
 
 # Multiples of the prior's variance scales that are tried, and by how much less a squared error must be.
 MULTIPLES = (0.1, 1.0)

@@ -7,8 +7,8 @@ from plotly.subplots import make_subplots
 
 from testbench.report.style import MEASURED, MUTED, RESIDUAL, TEMPLATE, envelope, single
 
-from ..findings import Diagnosis
-from ..forward import STAGES, ForwardGap
+from ..correction.closed_loop_gap import STAGES, ForwardGap
+from ..decision.findings import Diagnosis
 from .words import labelled, torque_unit
 
 Array = NDArray[np.float64]

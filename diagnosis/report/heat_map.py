@@ -5,7 +5,8 @@ import plotly.graph_objects as go
 
 from testbench.report.style import TEMPLATE
 
-from ..findings import Diagnosis, RegimeShare
+from ..decision.findings import Diagnosis
+from ..residual.shares import RegimeShare
 
 HEAT = [[0.0, "#ffffff"], [0.15, "#fde3c8"], [0.5, "#f08a4b"], [1.0, "#a61e22"]]
 # Full colour: the whole gap at one joint; half of the whole beyond what is expected of a regime.

@@ -10,9 +10,9 @@ from plotly.offline import get_plotlyjs
 from testbench.files import replacing
 from testbench.report.page import Tile, page_environment, plot
 
-from ..discrimination import NextExperiment
-from ..findings import Diagnosis
-from ..forward import ForwardGap
+from ..correction.closed_loop_gap import ForwardGap
+from ..decision.findings import Diagnosis
+from ..experiment.discriminating_motion import NextExperiment
 from . import figures, heat_map, signature, words
 
 

@@ -6,7 +6,7 @@ from plotly.subplots import make_subplots
 
 from testbench.report.style import MUTED, PREDICTED, TEMPLATE, envelope, single
 
-from ..findings import Diagnosis, NamedEffect
+from ..decision.findings import Diagnosis, NamedEffect
 from .figures import POINTS
 
 # Of the limit: samples are counted in steps of the first, and those from the second on are at it.

@@ -32,8 +32,8 @@ from testbench.recording import (
 from testbench.scene import body_poses, log_floor, log_motion, log_robot, reach
 from testbench.session_file import session_file
 
-from ..discrimination import NextExperiment
-from ..findings import Diagnosis
+from ..decision.findings import Diagnosis
+from ..experiment.discriminating_motion import NextExperiment
 from . import words
 from .signature import partial_residual
 

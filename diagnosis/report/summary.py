@@ -6,8 +6,8 @@ from rich.text import Text
 from testbench.summary import finding_line
 from testbench.terminal import console
 
-from ..discrimination import NextExperiment
-from ..findings import Diagnosis
+from ..decision.findings import Diagnosis
+from ..experiment.discriminating_motion import NextExperiment
 from . import words
 
 MOST_LINES, MOST_EFFECTS, MOST_RIVALS = 10, 3, 2

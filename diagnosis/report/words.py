@@ -9,9 +9,9 @@ from testbench.effects.signature import Quantity
 from testbench.findings import significant
 from testbench.robot import Robot
 
-from ..findings import Diagnosis, NamedEffect
-from ..held_out.unlike import in_words
-from ..localisation import EVERYWHERE
+from ..decision.findings import Diagnosis, NamedEffect
+from ..held_out.differing_runs import in_words
+from ..residual.localisation import EVERYWHERE
 
 # The times of a push, of which there may be many.
 INTERVALS = "intervals"

@@ -24,7 +24,7 @@ def blind_make(
     jobs: Processes = None,
 ) -> None:
     """Draw and simulate cases, and seal their answers."""
-    from diagnosis.blind.jobs import make
+    from studies.blind.jobs import make
     from testbench.containment.folder import results_folder
 
     with results_folder(out, ("cases", "sealed", "manifest.json"), resumes=True):
@@ -40,7 +40,7 @@ def blind_score(
     out: Annotated[Path, Parameter(help="folder for score.json, cases.csv and report.html")],
 ) -> None:
     """Open the sealed answers and score the diagnoses."""
-    from diagnosis.blind.jobs import SCORES, score
+    from studies.blind.jobs import SCORES, score
     from testbench.containment.folder import results_folder
 
     with results_folder(out, SCORES):
@@ -61,8 +61,8 @@ def blind_study(
     jobs: Processes = None,
 ) -> None:
     """Make, diagnose and score every case of a scenario; resumable, in parallel."""
-    from diagnosis.blind.jobs import SCORES
-    from diagnosis.blind.study import study
+    from studies.blind.jobs import SCORES
+    from studies.blind.study import study
     from testbench.containment.folder import results_folder
 
     with results_folder(out, ("results", "scenario.json", *SCORES), resumes=True):

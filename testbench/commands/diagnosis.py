@@ -69,7 +69,7 @@ def predict(
     map: Map = None,
 ) -> None:
     """Predict the torque along a log's motion by the corrected model; the log's torque is not read."""
-    from diagnosis.predict import predict as predict_torque
+    from diagnosis.correction.prediction import predict as predict_torque
 
     predict_torque(diagnosis, log, out, raw, map)
 
@@ -85,7 +85,7 @@ def loop(
     jobs: Jobs = None,
 ) -> None:
     """Close the loop on a simulated robot: diagnose, run the proposed motion, diagnose again."""
-    from diagnosis.loop.job import WRITTEN, close_loop
+    from studies.loop.job import WRITTEN, close_loop
     from testbench.containment.folder import results_folder
 
     with results_folder(out, WRITTEN, resumes=True):

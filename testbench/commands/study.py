@@ -34,7 +34,7 @@ def study_plants(
     jobs: Processes = None,
 ) -> None:
     """Draw robots of every independent plant, diagnose their logs, and score what is said."""
-    from studies.plants_study import study
+    from studies.plants_study.study import study
 
     study(out, robots, seed, jobs)
 

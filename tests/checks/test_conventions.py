@@ -16,7 +16,7 @@ from testbench.log import Recording, write_log
 from testbench.robot import Robot
 
 from ..diagnosed import simulated_runs
-from ..diagnosis_output.arm import ARM, LIFT
+from ..diagnosis.output.arm import ARM, LIFT
 from ..small_arm import small_arm
 from ..synthetic import synthetic_result, synthetic_robot
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.blind.scenario import load_blind_scenario
-from diagnosis.loop.scenario import load_loop_scenario
-from diagnosis.predict import read_diagnosed
+from diagnosis.correction.prediction import read_diagnosed
+from studies.blind.scenario import load_blind_scenario
+from studies.loop.scenario import load_loop_scenario
 from testbench.excitation_file import read_trajectory
 from testbench.log import Controller, Recording, read_log, write_log
 from testbench.robot import load_robot

@@ -1,0 +1,1 @@
+"""The corrected model: as numbers, along another motion, as MJCF, in closed loop."""

@@ -1,0 +1,1 @@
+"""Logs to equations: what was lost mended, filtered and decimated once, and which joints move."""

@@ -1,0 +1,32 @@
+"""An attribution: the hypothesis that a search found, with what it did not take in."""
+
+from dataclasses import dataclass
+
+from ..data.preparation import Prepared
+from ..fit.likelihood import Weighed
+from ..fit.normal_equations import Fit
+from ..model.hypothesis import Design
+from ..plausibility.accepted import Accepted
+from ..residual.unexplained import Unclaimed
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """The hypothesis found.
+
+    unknown: structure that no effect explains. last_stage: what was not taken in. hidden: effects that would
+    not show in these runs.
+    """
+
+    prepared: Prepared
+    accepted: tuple[Accepted, ...]
+    hypothesis: Design
+    fitted: Fit
+    parameters_only: tuple[Design, Fit]
+    unknown: tuple[Unclaimed, ...]
+    last_stage: tuple[Weighed, ...]
+    hidden: tuple[tuple[str, int | None], ...]
+
+    def takes_in(self, name: str, joint: int) -> bool:
+        """Whether an effect is among what was taken in, at this joint."""
+        return (name, joint) in [item.candidate.place[:2] for item in self.accepted]

@@ -1,0 +1,63 @@
+"""Why an effect that was fitted is not reported as a cause: held-out runs, bounds and deviations say no."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from testbench.effects import effect
+
+from ..held_out.shrinkage import Kept
+from ..model.effect_sizes import sizes
+from ..plausibility.accepted import Accepted
+from .findings import NamedEffect
+
+# Of a bound, relative: nearer than this a value is at it.
+AT_BOUND = 1e-3
+NOT_PREDICTED = "fitted, but runs that were left out are predicted no better with it"
+AT_ITS_BOUND = "fitted, but at the bound of what it may be: these runs do not tell its size"
+UNCERTAIN = "fitted, but its size is less than its own standard deviation"
+ONE_SINE = "fitted, but each joint follows one sine: laws of position and inertia are one along it"
+
+
+def with_support(accepted: Sequence[Accepted], kept: Kept) -> tuple[Accepted, ...]:
+    """The fitted effects, those not reported of which held-out runs keep nothing at their joints.
+
+    Exempt are effects that re-identification absorbs, which the parameters' shift shows, and pushes, which
+    predict no other run.
+    """
+    return tuple(
+        replace(a, named=False, doubt=NOT_PREDICTED) if _is_unsupported(a, kept) else a for a in accepted
+    )
+
+
+def _is_unsupported(item: Accepted, kept: Kept) -> bool:
+    family = item.candidate.family
+    if not item.named or family.swallowed or item.candidate.is_event or not item.candidate.shows:
+        return False
+    if family.joint is None:
+        joints = list(item.candidate.member.rows)
+    else:
+        joints = [family.joint] if family.into is None else [family.joint, family.into]
+    return not kept.effects[joints].any()
+
+
+def doubt(named: NamedEffect) -> str:
+    """Why an effect's size is not known well enough to report it as a cause; empty where it is."""
+    known = {parameter.name: parameter for parameter in effect(named.effect).DESCRIPTION.parameters}
+    own = [(known[name], named.parameters[name]) for name in sizes(named.effect) if name in named.parameters]
+    numbers = [
+        (parameter, float(quantity.value), float(quantity.std))
+        for parameter, quantity in own
+        if not isinstance(quantity.value, tuple) and not isinstance(quantity.std, tuple)
+    ]
+    if not numbers:
+        return ""
+    if all(abs(value) < deviation for _, value, deviation in numbers):
+        return UNCERTAIN
+    reached = (
+        np.isfinite(bound) and bound != 0 and abs(value - bound) <= AT_BOUND * abs(bound)
+        for parameter, value, _ in numbers
+        for bound in (parameter.lower, parameter.upper)
+    )
+    return AT_ITS_BOUND if any(reached) else ""

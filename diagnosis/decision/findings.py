@@ -1,0 +1,171 @@
+"""What a diagnosis says: verdict, effects, where the gap lies, how far it shrinks."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recordings.checks.finding import Finding, barring
+from testbench.effects import effect
+from testbench.effects.signature import Quantity
+from testbench.robot import Robot
+
+from ..data.preparation import Prepared
+from ..fit.normal_equations import Fit
+from ..held_out.differing_runs import Difference
+from ..held_out.recurring_push import Recurrence
+from ..held_out.shrinkage import Kept
+from ..model.candidates import Candidate
+from ..model.hypothesis import Design
+from ..residual.noise import noise
+from ..residual.shares import Share
+
+Array = NDArray[np.float64]
+
+VERDICTS = ("none", "parameters", "effect", "unknown")
+# Re-identified parameters that leave less than this multiple of the noise floor leave little but noise; so do
+# those that leave a bit more, since the floor is known to a third, of which no effect closes this share.
+LITTLE_BUT_NOISE, PERHAPS_NOISE, LITTLE_CLOSED = 1.03, 1.3, 0.2
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """One effect that the diagnosis names.
+
+    effect: of the catalogue. joint, into: indices, None for the whole robot. probability: 0 to 1.
+    parameters: by the contract's names. candidate: its columns. confusable_with: effects that these
+    runs cannot tell from it. held_out_share: share of the joint's held-out squared residual it removes.
+    """
+
+    effect: str
+    joint: int | None
+    into: int | None
+    probability: float
+    parameters: dict[str, Quantity]
+    candidate: Candidate
+    confusable_with: tuple[str, ...] = ()
+    held_out_share: float = 0.0
+
+    @property
+    def law(self) -> str:
+        """The law of the catalogue that was fitted."""
+        return self.candidate.member.law or effect(self.effect).DESCRIPTION.laws[0]
+
+
+@dataclass(frozen=True)
+class RankedCandidate:
+    """A family that was weighed: effect, place, probability, score (log-likelihood units) and why not."""
+
+    effect: str
+    joint: int | None
+    into: int | None
+    probability: float
+    score: float
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """RMS torque error a joint, (n,) N·m, on runs left out: as given, re-identified, with the effects.
+
+    Of what was fitted, as far as it is kept: each is at most the one before it.
+    noise_floor: what noise alone would leave. intervals: (3, 2, n) 90 % of the first three, or None. unseen:
+    (n,) joints whose noise is not seen, so that the floor is a bound; None for none.
+    """
+
+    nominal: Array
+    parameters: Array
+    effects: Array
+    noise_floor: Array
+    intervals: Array | None = None
+    unseen: NDArray[np.bool_] | None = None
+
+    def is_bound(self, joint: int) -> bool:
+        """Whether noise leaves at most the floor of this joint."""
+        return self.unseen is not None and bool(self.unseen[joint])
+
+    @property
+    def closed(self) -> float | None:
+        """(parameters - effects) / (parameters - noise floor), joints summed; None if nothing to close."""
+        return self._closed(slice(None))
+
+    @property
+    def told_closed(self) -> float | None:
+        """The share that is closed; None where re-identified parameters leave little but noise."""
+        closed, times = self.closed, np.sum(self.parameters) / max(float(np.sum(self.noise_floor)), 1e-300)
+        if closed is None or times < LITTLE_BUT_NOISE:
+            return None
+        return None if closed < LITTLE_CLOSED and times < PERHAPS_NOISE else closed
+
+    def closed_at(self, joint: int) -> float | None:
+        """The same of one joint."""
+        return self._closed(slice(joint, joint + 1))
+
+    def _closed(self, joints: slice) -> float | None:
+        parameters, effects, floor = (
+            float(np.sum(each[joints])) for each in (self.parameters, self.effects, self.noise_floor)
+        )
+        reducible = parameters - floor
+        if reducible <= 1e-9 * max(parameters, 1e-12):
+            return None
+        return (parameters - effects) / reducible
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The whole answer.
+
+    verdict: one of VERDICTS. sentence: it in words. effects: strongest first. ranked: what was
+    weighed. where: shares of the gap, largest first. gap: before and after. prepared: the runs.
+    parameters_only, final: (hypothesis, fit) after re-identification and with the effects.
+    parameters: (14 n,) re-identified standard parameters of the final hypothesis; timing: s, the
+    common torque delay that goes with them, beside how late ``prepared`` says that the logs have it.
+    kept: how much of either the predictions and the model files have.
+    not_observable: effects nothing of which would show.
+    recurrence: the push as one that every run has. everywhere: effects fitted without a name, as other joints
+    are about as imperfect. one_sine: joints that follow one sine in each run. differences: what some runs
+    have and others have not, taken off before the fit. log_findings: of the checks of the logs.
+    """
+
+    robot: Robot
+    verdict: str
+    sentence: str
+    effects: tuple[NamedEffect, ...]
+    ranked: tuple[RankedCandidate, ...]
+    where: tuple[Share, ...]
+    gap: Gap
+    prepared: Prepared
+    parameters_only: tuple[Design, Fit]
+    final: tuple[Design, Fit]
+    parameters: Array
+    timing: float
+    kept: Kept
+    not_observable: tuple[tuple[str, int | None], ...] = ()
+    notes: tuple[str, ...] = field(default_factory=tuple)
+    recurrence: Recurrence | None = None
+    everywhere: tuple[tuple[str, int | None], ...] = ()
+    one_sine: frozenset[int] = frozenset()
+    differences: tuple[Difference, ...] = ()
+    log_findings: tuple[Finding, ...] = ()
+
+    @property
+    def barred(self) -> Finding | None:
+        """The finding of the logs to be mended before any effect is named; None where there is none."""
+        return barring(self.log_findings)
+
+    @property
+    def mended(self) -> dict[str, int]:
+        """How many samples of each run were lost and are interpolated; runs of none are not in it."""
+        return {run.name: run.lost for run in self.prepared.runs if run.lost}
+
+    @property
+    def untold(self) -> tuple[int, ...]:
+        """The joints that move, but of which these runs tell too little for a name, and that have none."""
+        named = {joint for each in self.effects for joint in (each.joint, each.into)}
+        others = named | self.prepared.silent | self.prepared.still
+        return tuple(j for j in np.flatnonzero(~self.final[0].is_told).tolist() if j not in others)
+
+    @property
+    def noise_unseen(self) -> tuple[int, ...]:
+        """The joints whose torque was low-passed in the log: noise leaves at most the floor there."""
+        return tuple(np.flatnonzero(~noise(self.prepared).seen).tolist())

@@ -1,0 +1,281 @@
+"""Whether what was taken in has a name: larger than on any healthy robot, and told from all else.
+
+It is judged when it is taken in, and again where what was found later makes it seen more clearly.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.parameters import OFFSET as OFFSET_TORQUE
+from testbench.effects.push import begin_with_runs
+from testbench.robot import Robot
+
+from ..data.preparation import Prepared
+from ..fit.likelihood import Weighed, gained, gained_by_shift
+from ..fit.normal_equations import Fit, squares
+from ..fit.score import Gain, Stage
+from ..model.base_regressor import Ground, ground
+from ..model.candidates import SATURATION, Candidate
+from ..model.effect_sizes import (
+    CABLE,
+    GAIN,
+    OFFSET,
+    WARMING,
+    is_beyond_healthy,
+    is_excessive,
+    moves_little,
+    times_healthy,
+)
+from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
+from ..plausibility.accepted import COUPLING, Accepted, is_rest, without_one
+from ..plausibility.materiality import is_certainly_beyond, is_obvious
+from ..plausibility.prominence import is_main
+from ..plausibility.single_effect import OF_EVERY_JOINT, is_alone
+from ..residual.unexplained import Unclaimed
+from .found import Found
+
+Array = NDArray[np.float64]
+
+# A rival of this probability explains it as well.
+AS_WELL = 0.25
+# Share of a joint's squared residual that half the motion tells for sure.
+NEARLY_ALL = 0.8
+# Beside what no effect explains, one that takes off this share of it may be a trace of the same.
+DWARFED = 0.05
+# Squared deviations from zero that are left at last, as what is taken in later may explain the same; a gain
+# error told from three when it is taken in, as wrists' are, must be four from none.
+AT_LAST, GAIN_AT_LAST = 9.0, 16.0
+# Joints that move alike share what bristles leave: a drive that two share moves one of them by this share of
+# its torque; or takes off this share of what is left there, and is so many times a healthy robot's. Or it
+# takes off this, and is more than a healthy one's by either of its joints.
+LEAST_COUPLED, ALL_COUPLED, FAR_COUPLED = 0.025, 0.9, 3.0
+NEARLY_ALL_COUPLED = 0.95
+# Any joint warms, by this share of its friction in these runs; and whatever foretells less than this share of
+# what its joint leaves is no cable.
+WARMED, FORETOLD_BY_CABLE = 0.02, 0.1
+
+
+def accepted_as(
+    found: Found,
+    stage: Stage,
+    apart: Stage,
+    sized: Robot,
+    before: Sequence[Accepted],
+    rest: Sequence[Weighed],
+) -> Accepted:
+    """What a round has found, and whether it has a name.
+
+    apart: the stage before any effect of the joints. rest: what is left to explain beside it.
+    """
+    best, torque_rms = found.best, stage.ground.torque_rms
+    own = best.candidate, found.trial[1].values[-best.candidate.count :]
+    as_well = [(w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL]
+    obvious = is_obvious(sized, stage, best.gain)
+    alone = is_alone(sized, stage, best, own[1], before, rest)
+    share = float(stage.shares(best.gain).max())
+    shared = is_nearly_all_shared(sized, stage, best.gain)
+    beyond = alone or shared or is_beyond_healthy(sized, torque_rms, *own)
+    # Where an imperfection of healthy size would explain it as well, nothing else need be there.
+    beyond = beyond and all(is_beyond_healthy(sized, torque_rms, *each) for each in as_well)
+    beyond = (obvious or beyond) and not (is_excessive(sized, *own, share) or moves_little(torque_rms, *own))
+    shift = gained_by_shift(stage, best.gain)
+    beyond = beyond and couples(sized, stage, best.gain) and warms(stage, *own)
+    beyond = beyond and is_borne_out(best.candidate.family.effect, share, shift)
+    beyond = beyond and not is_how_runs_begin(stage.prepared, best.candidate)
+    # What a push leaves is where it was.
+    firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
+    main = alone or is_main(sized, apart, stage, best, firsts, rest)
+    certain = found.is_certain(stage)
+    samples = stage.independent[list(best.candidate.member.rows)]
+    # Of an effect of the whole robot all joints tell.
+    told = samples.max() if best.candidate.family.joint is not None else samples.sum()
+    # Of what re-identification leaves: of what another effect leaves there, little is nearly all.
+    large = obvious or is_certainly_beyond(sized, stage, best.gain)
+    is_all = large and apart.shares(best.gain).max() > NEARLY_ALL
+    enough = told >= (FEWEST_OF_ALL if is_all else FEWEST_INDEPENDENT)
+    taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
+    return Accepted(
+        candidate=best.candidate,
+        probability=1.0 - sum(p for _, p in found.rivals),
+        rivals=found.rivals,
+        score=best.score,
+        share=share,
+        worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
+        shift=shift,
+        named=bool(beyond and main and certain and enough),
+        is_certain=certain,
+        is_trace=found.is_trace,
+        by_size=not (obvious or alone or shared),
+        is_alone=alone and not obvious,
+    )
+
+
+def couples(sized: Robot, stage: Stage, gain: Gain) -> bool:
+    """Whether a shared drive moves either of its joints, or is all but all that is left there.
+
+    Whatever is none does.
+    """
+    moved, share = float(stage.torque_shares(gain).max()), float(stage.shares(gain).max())
+    if gain.candidate.family.effect != COUPLING or moved > LEAST_COUPLED:
+        return True
+    if is_nearly_all_shared(sized, stage, gain):
+        return True
+    return share > ALL_COUPLED and is_certainly_beyond(sized, stage, gain, FAR_COUPLED)
+
+
+def is_nearly_all_shared(sized: Robot, stage: Stage, gain: Gain) -> bool:
+    """Whether a shared drive is all but all that is left at a joint, and beyond a healthy one by the other.
+
+    What two joints share may be little beside the friction of the first of them.
+    """
+    family = gain.candidate.family
+    if family.into is None or float(stage.shares(gain).max()) < NEARLY_ALL_COUPLED:
+        return False
+    turned = replace(gain.candidate, family=replace(family, joint=family.into, into=family.joint))
+    return is_certainly_beyond(sized, stage, replace(gain, candidate=turned))
+
+
+def is_how_runs_begin(prepared: Prepared, each: Candidate) -> bool:
+    """Whether a push acts as its runs begin and never after; whatever is none does not.
+
+    So do brakes that are let go, and friction that held a joint before the log.
+    """
+    return each.is_event and begin_with_runs([run.logged for run in prepared.runs], each.member.columns)
+
+
+def is_borne_out(name: str, share: float, shift: float) -> bool:
+    """Whether an offset has bent the parameters, or a cable foretells something; what is neither need not.
+
+    share: foretold of the rest. shift: log-likelihood that the parameters' shift spares with it.
+    """
+    if name == OFFSET:
+        return shift >= 0
+    return name != CABLE or share >= FORETOLD_BY_CABLE
+
+
+def warms(stage: Stage, each: Candidate, coefficients: Array) -> bool:
+    """Whether friction that warms falls in these runs, however much it would; whatever is none does.
+
+    coefficients: (2,) of its viscous and Coulomb part.
+    """
+    joint = each.family.joint
+    if each.family.effect != WARMING or joint is None:
+        return True
+    lost = np.concatenate([run[:, 0] @ coefficients for run in each.filtered])
+    friction = [
+        run.filtered(run.logged.friction[:, [joint]] - run.logged.table[joint, OFFSET_TORQUE], [joint])
+        for run in stage.prepared.runs
+    ]
+    return bool(np.mean(lost**2) > WARMED**2 * np.mean(np.concatenate(friction) ** 2))
+
+
+def judged_again(
+    base: Ground, sized: Robot, accepted: Sequence[Accepted], rest: Sequence[Weighed]
+) -> list[Accepted]:
+    """What was taken in before a push, judged beside it: a push hides how much anything else explains.
+
+    The push is the last one; limits are judged where they are sought. rest: as of ``accepted_as``.
+    """
+    found, apart = list(accepted), _of_robots(base, accepted)
+    for place, item in enumerate(accepted[:-1]):
+        if item.candidate.family.effect != SATURATION:
+            found[place] = _judged_beside(apart, sized, found, place, rest)
+    return found
+
+
+def told_apart_at_last(
+    last: Stage, sized: Robot, accepted: Sequence[Accepted], rest: Sequence[Weighed]
+) -> list[Accepted]:
+    """What was no larger than effects that were taken in after it, or not alone before, judged beside those.
+
+    rest: as of ``accepted_as``.
+    """
+    base, values, found = last.ground, last.fitted.values, list(accepted)
+    hidden = [
+        place
+        for place, (item, own) in enumerate(zip(accepted, last.hypothesis.parts, strict=True))
+        if not (item.named or item.is_everywhere or item.is_trace or is_rest(item, accepted))
+        and item.is_certain
+        and (
+            item.candidate.family.effect in OF_EVERY_JOINT
+            or is_beyond_healthy(sized, base.torque_rms, item.candidate, values[own])
+        )
+    ]
+    apart = _of_robots(base, accepted) if hidden else last
+    for place in hidden:
+        again = _judged_beside(apart, sized, found, place, rest)
+        if again.named:
+            found[place] = again
+    return found
+
+
+def _of_robots(base: Ground, accepted: Sequence[Accepted]) -> Stage:
+    """The stage with pushes and effects of the whole robot alone."""
+    robots = [a.candidate for a in accepted if a.candidate.is_event or a.candidate.family.joint is None]
+    return Stage.of(base, robots)
+
+
+def _judged_beside(
+    apart: Stage, sized: Robot, accepted: Sequence[Accepted], place: int, rest: Sequence[Weighed]
+) -> Accepted:
+    """One effect judged beside all others that were taken in. apart, rest: as of ``accepted_as``."""
+    item, others, base = accepted[place], [*accepted[:place], *accepted[place + 1 :]], apart.ground
+    stage = Stage(base, *without_one(base.prepared, accepted, place))
+    gain = stage.gain(item.candidate)
+    if gain is None:
+        return item
+    trial = stage.with_effects([item.candidate])
+    gain = stage.as_fitted(gain, trial)
+    best = Weighed(gain, gained(stage, gain))
+    return accepted_as(Found(best, item.rivals, trial), stage, apart, sized, others, rest)
+
+
+def as_fitted_at_last(
+    sized: Robot, hypothesis: Design, fitted: Fit, accepted: Sequence[Accepted]
+) -> list[Accepted]:
+    """What was taken in with the shapes that all runs together give it.
+
+    What no gear has loses its name, what is no larger then than on a healthy robot, what is not told from
+    none, and what was alone where another joint has something without a name that is as large for it.
+    """
+    found, torque_rms = [], ground(hypothesis.prepared).torque_rms
+    times = [
+        times_healthy(sized, torque_rms, candidate, fitted.values[part])
+        for candidate, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
+    ]
+    for item, part, candidate, size in zip(
+        accepted, hypothesis.parts, hypothesis.accepted, times, strict=True
+    ):
+        own = candidate, fitted.values[part]
+        named = item.named and not is_excessive(sized, *own, item.share)
+        named = named and (not item.by_size or size > 1)
+        named = named and not (item.is_alone and size <= 1 and _is_another(accepted, times, item, size))
+        least = GAIN_AT_LAST if candidate.family.effect == GAIN else AT_LAST
+        # A limit that the drive reports leaves no gap, and a push is told by when it was.
+        elsewhere = candidate.is_event or candidate.family.effect == SATURATION
+        named = named and (elsewhere or fitted.wald(part) > least)
+        found.append(replace(item, candidate=candidate, named=named))
+    return found
+
+
+def _is_another(accepted: Sequence[Accepted], times: Sequence[float], own: Accepted, size: float) -> bool:
+    """Whether another joint certainly has something without a name that is as large.
+
+    times: how many times a healthy joint's everything is. size: of this one.
+    """
+    here = (own.candidate.family.joint, None)
+    return any(
+        item.is_certain and not item.named and item.candidate.family.joint not in here and each >= size
+        for item, each in zip(accepted, times, strict=True)
+    )
+
+
+def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> bool:
+    """Whether what no effect explains is at its joint, which a name would only imitate, or far larger."""
+    misfit = [each.joint for each in unknown]
+    left = last.held_squares / np.maximum(last.counts, 1) / last.ground.torque_rms**2
+    largest = float(np.max(left[misfit], initial=0.0))
+    return item.candidate.family.joint in misfit or item.worth < DWARFED * largest

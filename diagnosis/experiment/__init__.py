@@ -1,0 +1,1 @@
+"""The next experiment: what stays open, and the motion that separates it best."""

@@ -1,0 +1,1 @@
+"""Fits of a hypothesis: bounded normal equations, scores of candidates, likelihood, shapes, linearisation."""

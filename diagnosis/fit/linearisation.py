@@ -1,0 +1,119 @@
+"""Where effects are linearised: at the loads and derivatives of the parameters fitted so far."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.parameters import INERTIAL, PER_JOINT
+from identification.prior import TIMING
+from testbench.effects import effect
+from testbench.effects.signature import Family
+
+from ..data.preparation import Prepared
+from ..model.candidates import DELAY, Candidate, candidate
+from ..model.effect_sizes import OFFSET
+from ..model.hypothesis import Design
+from .delay import likeliest_delay
+from .encoder_zeros import likeliest_zero
+from .normal_equations import Fit, fitted_to, standard_values
+
+Array = NDArray[np.float64]
+
+# Its columns are the last link's.
+PAYLOAD = "payload"
+# Its derivative holds up to so many rad of itself.
+FAR_OFF = 0.03
+# Beside these the runs are linearised anew: they move the parameters that columns are taken at, or their own
+# columns hold near what was fitted only.
+TRANSMISSIONS = ("joint_elasticity", "backlash")
+RELINEARISED = (
+    *TRANSMISSIONS,
+    OFFSET,
+    "encoder_eccentricity",
+    PAYLOAD,
+    "base_tilt",
+    "torque_gain_error",
+    DELAY,
+    "actuator_lag",
+    "thermal_friction_drift",
+)
+# Timing errors from which on a delay may have bent all parameters, in the prior's deviations.
+LATE = 3.0
+
+
+def bends_parameters(family: Family) -> bool:
+    """Whether re-identification takes it up, moving parameters that its own columns are taken at."""
+    return family.swallowed and family.effect in RELINEARISED
+
+
+def first_linearised(prepared: Prepared, seeks_zero: bool = True) -> Prepared:
+    """The runs linearised at their re-identification: beside a zero that lies far off, or a long delay."""
+    hypothesis, fitted = fitted_to(prepared, [])
+    values = fitted.values
+    zeros = np.zeros(prepared.joints)
+    if seeks_zero and (zero := likeliest_zero(hypothesis, fitted)) is not None:
+        values, zeros[zero.joint] = zero.values, zero.offset
+    elif abs(values[hypothesis.timing]) > LATE * TIMING:
+        _, values = likeliest_delay(hypothesis, fitted)
+    return _linearised(hypothesis, values, (), zeros)[0]
+
+
+def linearised_anew(hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
+    """The hypothesis with the runs linearised at what was fitted, a delay at its own size; and its fit."""
+    values, shapes = fitted.values, [each.member.shape for each in hypothesis.accepted]
+    zeros = hypothesis.prepared.zeros.copy()
+    for place, (each, own) in enumerate(zip(hypothesis.accepted, hypothesis.parts, strict=True)):
+        if each.is_common_delay:
+            delay, values = likeliest_delay(hypothesis, fitted)
+            shapes[place] = {"difference": delay}
+        if each.family.effect == OFFSET and abs(offset := float(fitted.values[own][0])) > FAR_OFF:
+            zeros[each.family.joint] = offset
+    return fitted_to(*_linearised(hypothesis, values, shapes, zeros))
+
+
+def _linearised(
+    hypothesis: Design, values: Array, shapes: Sequence[Mapping[str, float]], zeros: Array
+) -> tuple[Prepared, list[Candidate]]:
+    """The runs with loads and derivatives taken at a hypothesis's unknowns (p,), and its effects there.
+
+    A payload is part of the load. shapes: of the effects. zeros: (n,) rad, as of Logged.
+    """
+    prepared = hypothesis.prepared
+    parameters = standard_values(prepared, values)
+    for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
+        if each.family.effect == PAYLOAD:
+            parameters[PER_JOINT * (prepared.joints - 1) :][:INERTIAL] += values[own]
+    accepted = list(hypothesis.accepted)
+
+    def again(there: Prepared, loads: bool) -> list[Array]:
+        """The effects that load the gearboxes, or the others, recomputed; their torque, a run (N, n)."""
+        known = [np.zeros_like(run.logged.tau) for run in prepared.runs]
+        for place, (each, own) in enumerate(zip(hypothesis.accepted, hypothesis.parts, strict=True)):
+            if effect(each.family.effect).DESCRIPTION.loads != loads:
+                continue
+            accepted[place] = replace(_again(there, each, shapes[place]), is_carried=loads)
+            member = accepted[place].member
+            if each.family.effect != PAYLOAD:
+                for torque, columns in zip(known, member.columns, strict=True):
+                    torque[:, list(member.rows)] += columns @ values[own]
+        return known
+
+    nothing = [np.zeros_like(run.logged.tau) for run in prepared.runs]
+    # What the gearboxes carry is known before what depends on it.
+    carried = again(prepared.linearised_at(parameters, nothing, nothing, zeros), loads=True)
+    beside = again(prepared.linearised_at(parameters, carried, nothing, zeros), loads=False)
+    return prepared.linearised_at(parameters, carried, beside, zeros), accepted
+
+
+def _again(prepared: Prepared, old: Candidate, shape: Mapping[str, float]) -> Candidate:
+    """The same effect recomputed after the runs were linearised anew. shape: of the member."""
+    if old.is_event:
+        # A push's columns are of the motion alone.
+        return old
+    logged = [run.logged for run in prepared.runs]
+    family = effect(old.family.effect).signature(logged, old.family.joint, old.family.into)
+    member = family.at(shape)
+    assert member is not None
+    return candidate(prepared, family, member)

@@ -1,0 +1,67 @@
+"""What is left out in turn: whole runs, but of what no other run tells, parts of it."""
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+
+from ..data.preparation import Prepared, blocks
+from ..fit.likelihood import gained
+from ..fit.normal_equations import fitted_to, is_extrapolated, squares
+from ..fit.score import Stage
+from ..model.base_regressor import ground
+from ..model.gram import Bank
+
+# A run is extrapolated to where that leaves no less than this share of the joint's torque.
+SEEN = 0.01
+# Then it is left out in so many parts, by the number of runs: all folds together are what a fit costs.
+PARTS = {1: 12, 2: 6} | dict.fromkeys(range(3, 7), 3)
+PARTS_OF_MANY = 2
+# An effect that says this log-likelihood in one run, which has this share of all that it does, and that the
+# others hardly foretell: by less than this share of it.
+TOLD, OF_ONE, FORETOLD = 30.0, 0.9, 0.5
+
+
+def covered(prepared: Prepared) -> Prepared:
+    """The runs with folds that the others foretell: joints may move in turn, or in one run alone be fast."""
+    hypothesis, fitted = fitted_to(prepared, [])
+    torque = ground(prepared).torque_rms
+    # No other run tells of a joint that moves in one alone.
+    alone: set[int] = set()
+    if len(prepared.runs) > 1:
+        alone.update(np.flatnonzero(np.any(prepared.moved_alone, axis=1)).tolist())
+    for index in range(len(prepared.runs)):
+        least = (SEEN * torque) ** 2 * np.maximum(hypothesis.used[index].sum(axis=0), 1)
+        without, together = squares([fitted.held_out[index]]), squares([fitted.residual[index]])
+        if np.any(is_extrapolated(together, without) & (without > least)):
+            alone.add(index)
+    return _in_parts(prepared, alone)
+
+
+def covered_for(stage: Stage, bank: Bank) -> Prepared:
+    """The runs with folds that foretell effects of the bank, too: one run alone may show a play."""
+    prepared = stage.prepared
+    runs = np.array([run for run, _ in prepared.folds])
+    gains, alone = stage.gains(bank), set()
+    for members, own_squares in zip(bank.groups, bank.squares, strict=True):
+        for index, squared in zip(members, own_squares, strict=True):
+            gain = gains[index]
+            if gain is None or gain.objective < 2 * TOLD:
+                continue
+            done = np.einsum("j,a,fjab,b->f", stage.weights, gain.coefficients, squared, gain.coefficients)
+            of_runs = np.bincount(runs, done)
+            if of_runs.max() > OF_ONE * done.sum() and gained(stage, gain) < FORETOLD * gain.objective / 2:
+                alone.add(int(of_runs.argmax()))
+    return _in_parts(prepared, alone)
+
+
+def _in_parts(prepared: Prepared, alone: Collection[int]) -> Prepared:
+    """The runs with some of them left out in parts; the same where none of those is left out as a whole."""
+    parts = PARTS.get(len(prepared.runs), PARTS_OF_MANY)
+    folds: list[tuple[int, slice]] = []
+    for index, run in enumerate(prepared.runs):
+        own = [part for at, part in prepared.folds if at == index]
+        if index in alone and len(own) < parts:
+            own = blocks(len(run.time), parts)
+        folds.extend((index, part) for part in own)
+    return prepared if len(folds) == len(prepared.folds) else replace(prepared, folds=tuple(folds))

@@ -1,0 +1,1 @@
+"""Base regressor, library of candidate effects with their columns and Gram matrices, prior, healthy sizes."""

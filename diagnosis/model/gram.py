@@ -1,0 +1,67 @@
+"""Candidates side by side, their columns multiplied once with each other and with the base regressor."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .base_regressor import Ground
+from .candidates import Candidate
+
+Array = NDArray[np.float64]
+
+
+class Bank:
+    """Candidates with the products of their columns with each other and with the base regressor.
+
+    K columns of all candidates side by side. owner: (K,) the candidate of each. joints: those that any
+    reaches. Sums are kept apart by fold and joint, since weights change from one hypothesis to the next.
+    """
+
+    def __init__(self, ground: Ground, proposals: Sequence[Candidate]):
+        self.candidates = tuple(proposals)
+        counts = np.array([c.count for c in proposals], dtype=np.int64)
+        self.start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        self.owner = np.repeat(np.arange(len(counts)), counts)
+        folds, n = range(len(ground.folds)), ground.joints
+        reach = [[c for c, each in enumerate(proposals) if j in each.member.rows] for j in range(n)]
+        self.reached = [self._columns_of(own) for own in reach]
+        self.joints = [j for j in range(n) if len(self.reached[j])]
+        # Columns that reach a joint, of the used rows of a fold: (m, K_j).
+        self.z = [
+            [
+                np.concatenate([reached_rows(ground, proposals[c], f, j) for c in own], axis=1)
+                if own
+                else np.zeros((len(ground.used[f][j]), 0))
+                for j, own in enumerate(reach)
+            ]
+            for f in folds
+        ]
+        self.zx = [
+            [z.T @ x for z, x in zip(*both, strict=True)] for both in zip(self.z, ground.x, strict=True)
+        ]
+        # Candidates of the same number of coefficients are solved together.
+        self.groups = [np.flatnonzero(counts == k) for k in np.unique(counts)]
+        self.squares = [
+            np.zeros((len(own), len(ground.folds), n, *(2 * [counts[own[0]]]))) for own in self.groups
+        ]
+        place = {int(c): (g, i) for g, own in enumerate(self.groups) for i, c in enumerate(own)}
+        for j, own in enumerate(reach):
+            at = np.searchsorted(self.reached[j], [self.start[c] for c in own])
+            for c, first in zip(own, at, strict=True):
+                g, i = place[c]
+                part = slice(first, first + counts[c])
+                for f in folds:
+                    z = self.z[f][j][:, part]
+                    self.squares[g][i, f, j] = z.T @ z
+
+    def _columns_of(self, candidates: Sequence[int]) -> NDArray[np.int64]:
+        """The columns of some candidates."""
+        wanted = np.zeros(len(self.candidates), dtype=np.bool_)
+        wanted[candidates] = True
+        return np.flatnonzero(wanted[self.owner])
+
+
+def reached_rows(ground: Ground, candidate: Candidate, fold: int, joint: int) -> Array:
+    """Used rows of a candidate's columns at a joint that it reaches, (m, k)."""
+    return ground.rows_of(candidate.filtered, fold, joint, candidate.member.rows.index(joint))

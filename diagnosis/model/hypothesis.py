@@ -1,0 +1,195 @@
+"""A hypothesis: which effects act on the runs, its unknowns, their prior and their bounds.
+
+Unknowns are the deviations of the standard parameters from the model's, held back by the prior of
+prior.py, a common timing error, and the coefficients of the effects taken in so far.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_JOINT, VISCOUS
+
+from ..data.preparation import Prepared
+from .base_regressor import ground
+from .candidates import Candidate
+from .gram import reached_rows
+
+Array = NDArray[np.float64]
+
+# Independent samples per decimated one: the widest low-pass leaves about a quarter of the decimated band to
+# noise, and what is left beside noise is coloured too.
+INDEPENDENT = 0.25
+# So many of them, three seconds of motion, tell little more than a joint's own parameters; half as many tell
+# what is next to all that those leave.
+FEWEST_INDEPENDENT, FEWEST_OF_ALL = 80.0, 40.0
+# Variance scale of the prior where a model is as good as any: a third of the deviations one expects of CAD.
+BEST_MODEL = 0.1
+# A joint's parameters that motion tells, about: of link and rotor, of friction and its offset.
+DETERMINED = (6.0, 3.0)
+# Deviation of a push, in units of the strongest joint's RMS torque.
+LARGEST_PUSH = 3.0
+NO_TIMING = 1e-8
+# Seconds: torque and position are sampled less than this apart.
+LATE = 2.4e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """The hypothesis that these effects act on the prepared runs, and no other.
+
+    accepted: the effects. precision: (p,) prior precision of each unknown, 0 for none.
+    """
+
+    prepared: Prepared
+    accepted: tuple[Candidate, ...]
+    precision: Array
+
+    @property
+    def parameters(self) -> int:
+        """Number of unknowns before the effects' coefficients."""
+        return ground(self.prepared).parameters
+
+    @property
+    def timing(self) -> int:
+        """Where the timing error is among the unknowns: after the standard parameters."""
+        return self.parameters - 1
+
+    @property
+    def gap(self) -> tuple[Array, ...]:
+        """Torque less the model's, a run (M, n) N·m."""
+        return ground(self.prepared).gap
+
+    @property
+    def used(self) -> tuple[NDArray[np.bool_], ...]:
+        """The samples that count, a run (M, n)."""
+        return tuple(run.used for run in self.prepared.runs)
+
+    @property
+    def counts(self) -> Array:
+        """How many samples of each joint count, (n,)."""
+        return np.sum([np.sum(used, axis=0) for used in self.used], axis=0).astype(np.float64)
+
+    @property
+    def independent(self) -> Array:
+        """How many independent samples that is, (n,): they are decimated for the joint of the widest band."""
+        of_each = self.prepared.band / self.prepared.band.max()
+        return min(INDEPENDENT * self.prepared.thinning, 1.0) * of_each * self.counts
+
+    @property
+    def is_told(self) -> NDArray[np.bool_]:
+        """Whether enough of these runs tells of each joint for anything there to have a name, (n,)."""
+        return self.independent >= FEWEST_INDEPENDENT
+
+    @cached_property
+    def kinds(self) -> Array:
+        """Which unknowns (p,) are of each kind, (2, p): links and rotors; friction and offsets."""
+        kinds, of_joint = np.zeros((2, len(self.precision))), np.zeros((2, PER_JOINT))
+        of_joint[0, [*range(INERTIAL), ARMATURE]] = 1.0
+        of_joint[1, [VISCOUS, COULOMB, OFFSET]] = 1.0
+        kinds[:, : self.timing] = np.tile(of_joint, self.prepared.joints)
+        # What holds a push back goes with the first.
+        for each, part in zip(self.accepted, self.parts, strict=True):
+            kinds[0, part] = each.is_event
+        return kinds
+
+    @property
+    def parts(self) -> tuple[slice, ...]:
+        """Where each effect's coefficients are among the unknowns."""
+        ends = np.cumsum([self.parameters, *(c.count for c in self.accepted)]).tolist()
+        return tuple(slice(first, last) for first, last in pairwise(ends))
+
+    def joints_with(self, *names: str) -> set[int | None]:
+        """The joints at which any of these effects acts."""
+        return {each.family.joint for each in self.accepted if each.family.effect in names}
+
+    @cached_property
+    def loading(self) -> tuple[NDArray[np.int64], ...]:
+        """The unknowns that load each joint, (n,) of (u,): the base regressor's, then what reaches it."""
+        every, effects = np.arange(len(self.precision)), list(zip(self.accepted, self.parts, strict=True))
+        return tuple(
+            np.concatenate(
+                [every[: self.parameters][own], *(every[p] for c, p in effects if joint in c.member.rows)]
+            )
+            for joint, own in enumerate(ground(self.prepared).loading)
+        )
+
+    @cached_property
+    def added(self) -> list[list[Array]]:
+        """Used rows of the effects' columns that reach a joint, (m, k): a fold, a joint."""
+        base = ground(self.prepared)
+
+        def rows(fold: int, joint: int) -> Array:
+            each = [reached_rows(base, c, fold, joint) for c in self.accepted if joint in c.member.rows]
+            return np.concatenate([np.zeros((len(base.used[fold][joint]), 0)), *each], axis=1)
+
+        return [[rows(fold, joint) for joint in range(base.joints)] for fold in range(len(base.folds))]
+
+    @cached_property
+    def x(self) -> list[list[Array]]:
+        """Used rows of what loads a joint, (m, u): a fold, a joint."""
+        base = ground(self.prepared).x
+        return [
+            [np.concatenate(both, axis=1) for both in zip(x, z, strict=True)]
+            for x, z in zip(base, self.added, strict=True)
+        ]
+
+    def products(self, y: Mapping[int, Sequence[Array]]) -> Array:
+        """X'y (F, n, p) of used rows (m,) of some folds: by fold, in their order, and joint."""
+        found = np.zeros((len(y), self.prepared.joints, len(self.precision)))
+        found[:, :, : self.parameters] = ground(self.prepared).products(y)
+        for place, (fold, left) in enumerate(y.items()):
+            for joint, own in enumerate(self.loading):
+                found[place, joint, own[own >= self.parameters]] = self.added[fold][joint].T @ left[joint]
+        return found
+
+
+def design(prepared: Prepared, accepted: Sequence[Candidate] = (), is_delayed: bool = False) -> Design:
+    """The hypothesis that these effects act, and no other. is_delayed: but for a delay, known apart."""
+    # A window in which next to nothing counts must not hold a push without bounds.
+    push = (LARGEST_PUSH * float(ground(prepared).torque_rms.max())) ** -2.0
+    free = [np.full(c.count, push) if c.is_event else c.precision for c in accepted]
+    precision = np.concatenate([ground(prepared).precision, *free])
+    if is_delayed or any(c.is_common_delay for c in accepted):
+        # A delay that is an effect leaves none to the way the log was taken.
+        precision[ground(prepared).parameters - 1] = NO_TIMING**-2
+    return Design(prepared, tuple(accepted), precision)
+
+
+def log_prior(hypothesis: Design, values: Array) -> Array:
+    """Log-prior of parameters (p, ...), the scale of each kind integrated out; up to a constant."""
+    timing, freedom = hypothesis.timing, _determined(hypothesis)
+    late = values[timing] ** 2 * hypothesis.precision[timing]
+    return -0.5 * freedom @ np.log(likeliest_scales(hypothesis, values)) - 0.5 * late
+
+
+def likeliest_scales(hypothesis: Design, values: Array) -> Array:
+    """The prior's variance scale of each kind, (2, ...), at which parameters (p, ...) are likeliest.
+
+    Small for what a model has right: links may be as drawn where nobody knew the friction.
+    """
+    distance = (hypothesis.kinds * hypothesis.precision) @ values**2
+    return BEST_MODEL + (distance.T / _determined(hypothesis)).T
+
+
+def scaled_precision(hypothesis: Design, scales: Array) -> Array:
+    """Prior precision (p,) at the variance scales (2,), which the time of sampling has nothing to do with."""
+    kinds = hypothesis.kinds
+    return hypothesis.precision / np.where(kinds.any(axis=0), scales @ kinds, 1.0)
+
+
+def bounds(hypothesis: Design) -> tuple[Array, Array]:
+    """What the unknowns may be, two of (p,): standard parameters anything."""
+    unbounded = np.full(hypothesis.parameters, np.inf)
+    lower = np.concatenate([-unbounded, *(c.member.lower for c in hypothesis.accepted)])
+    upper = np.concatenate([unbounded, *(c.member.upper for c in hypothesis.accepted)])
+    return lower, upper
+
+
+def _determined(hypothesis: Design) -> Array:
+    """How many parameters of each kind the data can move, (2,): about nine of fourteen a joint."""
+    return hypothesis.prepared.joints * np.array(DETERMINED)

@@ -1,1 +1,0 @@
-"""How the joints move in these runs, and so what the runs can tell."""

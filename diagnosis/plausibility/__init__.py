@@ -1,0 +1,1 @@
+"""Plausibility of fitted effects: their sizes against healthy robots, other joints and sensor errors."""

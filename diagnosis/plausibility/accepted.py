@@ -1,0 +1,194 @@
+"""An effect that was taken in, and what several of them say together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from testbench.robot import Robot
+
+from ..data.preparation import Prepared
+from ..fit.likelihood import Weighed
+from ..fit.normal_equations import Fit, fitted_to
+from ..fit.score import Stage
+from ..model.candidates import Candidate
+from ..model.effect_sizes import CABLE, ELASTIC, GAIN, OF_THE_LOAD, SPRINGS, is_plausible
+from ..model.hypothesis import Design
+from ..residual.unexplained import NOTHING, Unclaimed, share_left
+
+# Cycles a revolution.
+SLOWEST_RIPPLE = 10.0
+# A spring that explains this share of a joint's squared residual is one, though not quite by its law; a hose
+# is no straight line either.
+ONE_LAW, HOSE = 0.995, 0.95
+# So many laws at one joint more than at others are one that no catalogue holds, and so many couplings no
+# robot's drives, unless one of them leaves no more than this share of the squared residual, or two that have
+# names leave no more than the other one between them: the others are their rests.
+MANY_LAWS, MANY_COUPLINGS, LEFT_BY_ONE, LEFT_BY_TWO = 4, 4, 0.05, 0.01
+# Squared residual that is left where a joint's own elasticity is all that gives way, as a share of what
+# re-identification leaves.
+ELASTIC_LEFT = 0.16
+RESONANCE, MANY = "resonance with other joints", "motion by several laws at once"
+# What is lost of the load, and another gain of it, so many times that at most: each way loses its own share.
+ONE_WAY, MOST_GAINED = "load, more of it one way than the other", 1.5
+COUPLING = "joint_coupling"
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An effect taken in, with the rivals it was preferred to at its stage and their probabilities.
+
+    score: log-likelihood that it added. share: of some joint's held-out squared residual, the largest. worth:
+    mean squares that it took off the joints' residuals, each by its own torque, summed. shift: log-likelihood
+    of the parameters' shift that it spares. named: whether it is larger than on any healthy robot.
+    is_certain: whether its size is known well enough for that. is_trace: found by a trace that only shows
+    beside every joint's imperfections, or where there are none. is_everywhere: whether other joints are about
+    as imperfect, so that it has no name. by_size: whether it has a name as it is larger than on any healthy
+    robot, and for nothing else. is_alone: or as nothing else is seen. doubt: why it lost its name at last.
+    """
+
+    candidate: Candidate
+    probability: float
+    rivals: tuple[tuple[Weighed, float], ...]
+    score: float
+    share: float
+    worth: float
+    shift: float = 0.0
+    named: bool = True
+    is_certain: bool = True
+    is_trace: bool = False
+    is_everywhere: bool = False
+    by_size: bool = False
+    is_alone: bool = False
+    doubt: str = ""
+
+
+def without_rests(accepted: Sequence[Accepted]) -> list[Accepted]:
+    """What was taken in, without laws of position that mend another one of their joint.
+
+    No counterbalance is quite a sine: where one law all but explains what is left, the others are its rest.
+    """
+    return [item for item in accepted if not (item.named and is_rest(item, accepted))]
+
+
+def is_rest(item: Accepted, accepted: Sequence[Accepted]) -> bool:
+    """Whether it is a law of position at a joint that another one, which has a name, all but explains."""
+    others = (a for a in accepted if a.named and _is_other_law(a, item))
+    return _is_of_position(item) and any(a.share > max(item.share, _all_but_all(a)) for a in others)
+
+
+def _all_but_all(law: Accepted) -> float:
+    """The share of a joint's squared residual that is all of a law but its rest."""
+    return HOSE if law.candidate.family.effect == CABLE else ONE_LAW
+
+
+def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints at which it takes two laws of position: together they are one that no catalogue holds.
+
+    first: re-identification alone. last: with all effects taken in.
+    """
+    found, named = [], [a for a in accepted if a.named and _is_of_position(a)]
+    for joint, left in enumerate(share_left(first, last).tolist()):
+        laws = {a.candidate.family.effect for a in named if a.candidate.family.joint == joint}
+        if len(laws) > 1:
+            found.append(Unclaimed(joint, "position", 1 - left))
+    return tuple(found)
+
+
+def laws_of_load(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints that both lose a share of their load and have another gain: no gear need be as good driven back.
+
+    Of what it loses one way nothing may be lost the other: then the gain is the share, to first order. first,
+    last: as above.
+    """
+    sizes = {
+        (a.candidate.family.effect, a.candidate.family.joint): abs(float(last.fitted.values[own][0]))
+        for a, own in zip(accepted, last.hypothesis.parts, strict=True)
+        if a.named and a.candidate.family.effect in (OF_THE_LOAD, GAIN)
+    }
+    found = []
+    for joint, left in enumerate(share_left(first, last).tolist()):
+        lost, gained = sizes.get((OF_THE_LOAD, joint)), sizes.get((GAIN, joint))
+        if lost is not None and gained is not None and gained <= MOST_GAINED * lost:
+            found.append(Unclaimed(joint, ONE_WAY, 1 - left))
+    return tuple(found)
+
+
+def many_laws(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints with a name at which it takes many more laws than at others; all joints of many named couplings.
+
+    Laws count named or not: every joint of a robot may have some imperfections. first, last: as above.
+    """
+    coupled = [a for a in accepted if _is_coupling(a)]
+    left, found = share_left(first, last), []
+    places = [(a.candidate.family.joint, a.candidate.family.into) for a in accepted]
+    own = np.array([places.count((joint, None)) for joint in range(first.prepared.joints)])
+    for joint in range(len(own)):
+        # A coupling without a name may be any other joint's.
+        laws = [
+            a
+            for a in accepted
+            if a.candidate.family.joint == joint or (a.named and a.candidate.family.into == joint)
+        ]
+        elsewhere = float(np.median(np.delete(own, joint))) if len(own) > 1 else 0.0
+        many = len(laws) - elsewhere >= MANY_LAWS and any(a.named for a in laws)
+        many |= len(coupled) >= MANY_COUPLINGS and any(_is_coupling(a) for a in laws)
+        if many and not _is_almost_all(laws):
+            found.append(Unclaimed(joint, MANY, 1 - float(left[joint])))
+    return tuple(found)
+
+
+def _is_almost_all(laws: Sequence[Accepted]) -> bool:
+    """Whether one of a joint's laws, or two that have names, leave next to nothing for the others."""
+    one = min(1 - a.share for a in laws)
+    two = sorted(1 - a.share for a in laws if a.named)[:2]
+    return one <= LEFT_BY_ONE or (len(two) == 2 and two[0] * two[1] <= LEFT_BY_TWO)
+
+
+def resonances(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints that seem elastic, if several do and some are explained badly: what carries them gives way.
+
+    A base that rocks and a link that bends shake several joints at once. first, last: as above.
+    """
+    elastic = [a.candidate for a in accepted if a.named and a.candidate.family.effect == ELASTIC]
+    joints = [each.family.joint for each in elastic if each.family.joint is not None]
+    left = share_left(first, last)[joints].tolist()
+    if len(joints) < 2 or max(left) < ELASTIC_LEFT:
+        return ()
+    return tuple(Unclaimed(j, RESONANCE, 1 - share) for j, share in zip(joints, left, strict=True))
+
+
+def out_of_bounds(
+    robot: Robot, hypothesis: Design, fitted: Fit, accepted: Sequence[Accepted]
+) -> tuple[Unclaimed, ...]:
+    """Joints whose named effects come out, with all runs fitted together, as no arm has them."""
+    found = []
+    for item, own in zip(accepted, hypothesis.parts, strict=True):
+        joint = item.candidate.family.joint
+        if not item.named or joint is None or item.candidate.is_event:
+            continue
+        if not is_plausible(robot, item.candidate, fitted.values[own]):
+            found.append(Unclaimed(joint, NOTHING, item.share))
+    return tuple(found)
+
+
+def _is_coupling(item: Accepted) -> bool:
+    """Whether it is named, and couples two joints."""
+    return item.named and item.candidate.family.effect == COUPLING
+
+
+def _is_of_position(item: Accepted) -> bool:
+    """Whether it is a spring, or a ripple too slow for the teeth of any gear."""
+    slow = item.candidate.member.shape.get("cycles", np.inf) < SLOWEST_RIPPLE
+    return item.candidate.family.effect in SPRINGS or slow
+
+
+def _is_other_law(one: Accepted, other: Accepted) -> bool:
+    """Whether the first is a law of position, of another effect of the second's joint."""
+    a, b = one.candidate.family, other.candidate.family
+    return _is_of_position(one) and a.joint == b.joint and a.effect != b.effect
+
+
+def without_one(prepared: Prepared, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
+    """The hypothesis without one of its effects, fitted in full."""
+    return fitted_to(prepared, [a.candidate for k, a in enumerate(accepted) if k != place])

@@ -1,0 +1,168 @@
+"""Whether what is taken in stands out enough for a name: against other joints, and its joint's first effect.
+
+What a law that is not quite the robot's leaves is at the same joint, and a good part of it can be imitated:
+a second effect there must be more than a rest.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from testbench.effects.signature import Family
+from testbench.robot import Robot
+
+from ..fit.likelihood import Weighed, gained_by_shift
+from ..fit.linearisation import TRANSMISSIONS
+from ..fit.score import Gain, Stage
+from ..model.candidates import Candidate
+from ..model.effect_sizes import BENDING, BRISTLES, CABLE, ECCENTRICITY, GAIN, RIPPLE, SPRING, SPRINGS
+from .materiality import (
+    HIDDEN_OVERLAP,
+    LITTLE_TORQUE,
+    SMALLEST_SHIFT,
+    SWALLOWED_FRICTION,
+    is_certainly_beyond,
+    is_large,
+)
+
+# Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
+# because its law is not quite the robot's is less.
+NAMED_SHARE = 0.05
+# And the share of what is left there when it is taken in, or the log-likelihood as a multiple of what any
+# other joint's effect gains: imperfections that are no smaller would not let it be told from them.
+STANDING_OUT, PROMINENT = 0.2, 3.0
+# But none of them looks like these; bristles are held against those of the other joints.
+UNLIKE = ("thermal_friction_drift", ECCENTRICITY, BRISTLES)
+# Wald's statistic of an imperfection: what has less predicts well by chance.
+SEEN = 9.0
+# Every arm has cables: one that is no more than this share of what is left is certainly so many times a
+# healthy one, or has no name; nor has one of less than this share of the joint's RMS torque, unless what the
+# parameters swallow of it spares them a shift of this log-likelihood.
+CABLE_LEFT, CABLE_BEYOND, CABLE_TORQUE, CABLE_SHIFT = 0.6, 1.2, 0.015, 5.0
+# A spring that the parameters swallow must bring them nearer to the model's, but for this log-likelihood:
+# else the two only make up for each other.
+FARTHER = -2.0
+# At a joint that has an effect already: this share of the squared residual after re-identification ...
+SECOND_SHARE = 0.2
+# ... or this share of what is left there, and of its RMS torque, or the log-likelihood as a multiple of what
+# any other joint's effect gains beside it ...
+SECOND_LEFT, SECOND_TORQUE, SECOND_PROMINENT = 0.5, 0.02, 8.0
+# ... or, as no law's rest looks like it, this share of the joint's RMS torque and of what is left, by this
+# Wald's statistic ...
+SECOND_TOLD: Mapping[str, tuple[float, float, float]] = {
+    RIPPLE: (0.04, 0.2, 100.0),
+    "backlash": (0.005, 0.4, 1000.0),
+}
+# ... or this share of the torque, where it is certainly so many times beyond a healthy one: a law's rest
+# looks like springs and bristles of any size, but not like these ...
+SECOND_LITTLE, SECOND_BEYOND = 0.005, 1.5
+# ... or, of friction that its joint's parameters swallow, this share of what is left, and certainly so many
+# times a healthy joint's ...
+SECOND_SWALLOWED, SECOND_FAR_BEYOND = 0.3, 3.0
+# ... or a shift of the parameters of this log-likelihood that it spares, as no law's rest does, where it is
+# certainly beyond a healthy one; so is a gain error beside friction of these laws, whose rests are no part of
+# all torque.
+SECOND_SHIFT = 15.0
+BESIDE_GAIN = (
+    "stribeck_friction",
+    "asymmetric_friction",
+    "nonlinear_viscous_friction",
+    "thermal_friction_drift",
+    BRISTLES,
+    RIPPLE,
+)
+
+
+def is_main(
+    robot: Robot,
+    first: Stage,
+    stage: Stage,
+    best: Weighed,
+    firsts: Sequence[Candidate],
+    rest: Sequence[Weighed],
+) -> bool:
+    """Whether it explains a fair part of some joint's residual of the first stage, re-identification's rest.
+
+    robot: that sizes are relative to. firsts: effects that have been named already. What a law that is not
+    quite the robot's leaves is at the same joint, and a good part of it can be imitated: a second effect
+    there must explain more. rest: what else the catalogue explains beside it.
+    """
+    gain, family = best.gain, best.candidate.family
+    shares = first.shares(gain)
+    if gain.candidate.is_event:
+        return True
+    if family.effect == SPRING and gain.overlap > HIDDEN_OVERLAP and gained_by_shift(stage, gain) < FARTHER:
+        return False
+    seen = (w for w in rest if w.candidate.family.joint != family.joint and w.gain.wald > SEEN)
+    elsewhere = max((w.score for w in seen), default=0.0)
+    if family.effect == CABLE and _is_any_cable(robot, stage, gain):
+        return False
+    named, coupled = {each.family.joint for each in firsts}, {each.family.into for each in firsts}
+    if family.joint in coupled - named and family.effect == ECCENTRICITY:
+        # No law of speeds leaves what an encoder's error of an angle is.
+        return is_certainly_beyond(robot, stage, gain, SECOND_BEYOND)
+    if family.joint is not None and family.joint in named | coupled:
+        prominent = best.score > SECOND_PROMINENT * elsewhere
+        enough = bool(shares[family.joint] > SECOND_SHARE)
+        is_second = _is_no_rest(robot, stage, gain, firsts)
+        if not _is_of_one_transmission(family, firsts):
+            is_second |= prominent or enough
+        # At a coupling's other joint it must be as much as anywhere, too.
+        if family.joint in named or not is_second:
+            return is_second
+        # But no law of speeds leaves one of positions.
+        if family.effect in (*SPRINGS, RIPPLE) and is_certainly_beyond(robot, stage, gain, SECOND_BEYOND):
+            return True
+    if family.swallowed or gained_by_shift(stage, gain) > SMALLEST_SHIFT:
+        return True
+    if family.effect in UNLIKE or is_large(robot, stage, best):
+        return True
+    own = stage.shares(gain)[list(gain.candidate.member.rows)].max()
+    if family.joint is not None and own < STANDING_OUT and best.score < PROMINENT * elsewhere:
+        return False
+    return bool(np.any(shares > NAMED_SHARE))
+
+
+def _is_any_cable(robot: Robot, stage: Stage, gain: Gain) -> bool:
+    """Whether it is little, or neither most of what is left at its joint nor certainly beyond every arm's."""
+    joint = gain.candidate.family.joint
+    if stage.torque_shares(gain)[joint] < CABLE_TORQUE and gained_by_shift(stage, gain) < CABLE_SHIFT:
+        return True
+    left = float(stage.shares(gain)[joint])
+    return left < CABLE_LEFT and not is_certainly_beyond(robot, stage, gain, CABLE_BEYOND)
+
+
+def _is_of_one_transmission(family: Family, firsts: Sequence[Candidate]) -> bool:
+    """Whether both it and one of these are a play or an elasticity of its joint.
+
+    Each imitates most of the other, and no tooth is as modelled: what one leaves the other seems to explain.
+    """
+    own = [each.family.effect for each in firsts if each.family.joint == family.joint]
+    return family.effect in TRANSMISSIONS and not set(TRANSMISSIONS).isdisjoint(own)
+
+
+def _is_no_rest(robot: Robot, stage: Stage, gain: Gain, firsts: Sequence[Candidate]) -> bool:
+    """Whether a second effect of a joint is too much, or too far beyond a healthy one, for a law's rest."""
+    family, rows = gain.candidate.family, gain.candidate.member.rows
+    assert family.joint is not None
+    # What it does to joints that the first ones do nothing to is none either.
+    reached = {row for each in firsts for row in each.member.rows}
+    own = [family.joint, *(row for row in rows if row not in reached)]
+    most = own[int(np.argmax(stage.shares(gain)[own]))]
+    torque, left = float(stage.torque_shares(gain)[most]), float(stage.shares(gain)[most])
+    if family.effect in SECOND_TOLD:
+        least_torque, least_left, least_wald = SECOND_TOLD[family.effect]
+        if torque > least_torque and left > least_left and gain.wald > least_wald:
+            return True
+    is_swallowed = family.effect in (*SWALLOWED_FRICTION, BENDING)
+    seen = is_swallowed and torque > LITTLE_TORQUE and left > SECOND_SWALLOWED
+    if seen and is_certainly_beyond(robot, stage, gain, SECOND_FAR_BEYOND):
+        return True
+    beside = {each.family.effect for each in firsts if family.joint in (each.family.joint, each.family.into)}
+    is_apart = gained_by_shift(stage, gain) > SECOND_SHIFT
+    is_apart |= family.effect == GAIN and beside <= set(BESIDE_GAIN)
+    if is_apart and is_certainly_beyond(robot, stage, gain, SECOND_BEYOND):
+        return True
+    may_be_rest = family.effect in (*SPRINGS, BRISTLES)
+    large = not may_be_rest and is_certainly_beyond(robot, stage, gain, SECOND_BEYOND)
+    return torque > (SECOND_LITTLE if large else SECOND_TORQUE) and left > SECOND_LEFT

@@ -1,0 +1,1 @@
+"""Effects that need a search of their own: ripples, limits, pushes, low-speed friction, plays, springs."""

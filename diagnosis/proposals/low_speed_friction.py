@@ -1,0 +1,266 @@
+"""Friction that is soft near rest: read from what a hypothesis leaves, and no effect of any joint's own.
+
+Near rest no joint has all of its Coulomb friction: bristles bend, grease creeps, encoders count, and who
+simulates smooths the jump: fc tanh(v / w) in place of fc sgn v. Taken for a jump, what is missing there looks
+like friction that bends at any speed. Where the smooth form explains more than any effect of the joint, it
+is the joint's Coulomb friction.
+
+And a simulator whose friction is a soft constraint, as MuJoCo's frictionloss, turns it when v + l a changes
+sign: l = time constant x impedance / 2 ahead of the joint, 9.5 ms unless told otherwise. It is told from all
+joints together.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from identification.parameters import COULOMB, PER_JOINT
+from testbench.effects.logged import Logged
+from testbench.robot import Robot
+
+from ..data.preparation import DEAD_ZONE, Prepared
+from ..fit.likelihood import Weighed, gained, gained_by_shift
+from ..fit.normal_equations import standard_values
+from ..fit.score import Stage
+from ..model.candidates import Candidate, without_law
+from ..model.effect_sizes import BRISTLES
+from ..model.gram import Bank
+from ..plausibility.materiality import NEAR_REST
+from .presliding import held_by_bristles
+from .standing_drive import apart_from_standing, standing_drives
+
+Array = NDArray[np.float64]
+
+# rad/s (m/s): widths w that are tried, how far apart they are, and how well one is told from there.
+WIDTHS = (0.015, 0.025, 0.04, 0.065, 0.1, 0.16)
+APART, TOLERANCE = 1.6, 0.02
+# The form is a guess: up to so many widths, samples say nothing; where too few would be left, up to fewer.
+GUESSED = (2.5, 1.5)
+# Log-likelihood that it must gain, and the share of the Coulomb friction that must be missing near rest.
+SMALLEST_GAIN, SMALLEST_MISSING = 8.0, 0.3
+# And how much more than any effect of the joint it must explain: friction of real joints bends too.
+MORE = 1.3
+# Beside falling friction, which is near rest too, it must explain this share of what that does, either alone:
+# what a law leaves that is not quite the robot's looks soft as well.
+AS_MUCH = 0.5
+# And the share of the joint's samples that must be left.
+FEWEST = 0.25
+# s: leads l that are tried, how far apart they are, and the widths that each is tried with.
+LEADS, LEADS_APART, LEADING_WIDTHS = (0.0045, 0.0065, 0.0095, 0.014), 1.45, (0.0, 0.012)
+# Of so many joints, where there are as many: it is the simulator's, not a joint's. And this share of Coulomb
+# friction: where a joint sticks at each reversal, half of it seems to turn early.
+LEADING, SMALLEST_LEADING = 2, 0.6
+
+
+@dataclass(frozen=True)
+class NearRest:
+    """Coulomb friction fc tanh((v + l a) / w) of every joint.
+
+    widths: w of the joints that are soft, rad/s (m/s). lead: l of all, s. held: joints that bristles hold, so
+    that their samples near rest count. standing: pairs of joints whose shared drive stands still at times.
+    """
+
+    widths: Mapping[int, float] = field(default_factory=dict)
+    lead: float = 0.0
+    held: frozenset[int] = frozenset()
+    standing: frozenset[tuple[int, int]] = frozenset()
+
+
+def lead_candidates(prepared: Prepared) -> list[Candidate]:
+    """What turning ahead of the joint adds to a unit of each Coulomb friction; none where it is known."""
+    if prepared.coulomb_lead > 0:
+        return []
+    joints = range(prepared.joints)
+    return [_ahead(prepared, j, lead, width) for j in joints for lead in LEADS for width in LEADING_WIDTHS]
+
+
+def soft_candidates(prepared: Prepared) -> list[Candidate]:
+    """What smoothing takes off a unit of each Coulomb friction, at every width that leaves enough samples."""
+    return [
+        _missing(prepared, joint, width)
+        for joint, known in enumerate(prepared.coulomb_smoothing)
+        for width in WIDTHS
+        if width > APART * known and _slowest(prepared, joint, width) is not None
+    ]
+
+
+def near_rest(
+    robot: Robot,
+    stage: Stage,
+    weighed: Sequence[Weighed],
+    ahead: Bank,
+    soft: Bank,
+    catalogue: Sequence[Candidate],
+) -> NearRest | None:
+    """What friction does near rest beyond what is known; None for nothing.
+
+    robot: that sizes are relative to. weighed: what each effect of the catalogue explains beside the stage's.
+    ahead, soft: of ``lead_candidates`` and ``soft_candidates``.
+    """
+    least = np.full(stage.prepared.joints, SMALLEST_GAIN)
+    for rival in weighed:
+        if (joint := rival.candidate.family.joint) is not None:
+            least[joint] = max(least[joint], MORE * rival.score)
+    # A delay that the timing of the log only makes up for is none.
+    of_all = [
+        rival.score
+        for rival in weighed
+        if rival.candidate.family.joint is None and gained_by_shift(stage, rival.gain) >= 0
+    ]
+    lead = _leading(stage, least, MORE * max(of_all, default=0.0), ahead)
+    if lead > 0:
+        # How wide it turns is told once it is known when.
+        return NearRest({}, lead, standing=stage.prepared.standing)
+    known = {int(j): float(w) for j, w in enumerate(stage.prepared.coulomb_smoothing) if w > 0}
+    widths, held = _soft(stage, least, soft), held_by_bristles(robot, stage, catalogue)
+    standing = standing_drives(stage)
+    if not widths and not held and not standing:
+        return None
+    held = stage.prepared.held | held - widths.keys()
+    return NearRest(known | widths, stage.prepared.coulomb_lead, held, stage.prepared.standing | standing)
+
+
+def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> float:
+    """Seconds by which the friction of all joints turns ahead of them; 0 where too few do, or hardly."""
+    coulomb = _coulomb(stage)
+    explained, widths = np.zeros((2, len(LEADS), len(coulomb)))
+    for each, gain in zip(ahead.candidates, stage.gains(ahead), strict=True):
+        joint, shape = each.family.joint, each.member.shape
+        assert joint is not None
+        if gain is None or gain.coefficients[0] < SMALLEST_LEADING * coulomb[joint]:
+            continue
+        place = LEADS.index(shape["lead"]), joint
+        if (score := gained(stage, gain)) > explained[place]:
+            explained[place], widths[place] = score, shape["width"]
+    leading = np.flatnonzero(explained.max(axis=0) > least)
+    together = explained[:, leading].sum(axis=1)
+    best = int(together.argmax())
+    if len(leading) < min(LEADING, len(coulomb)) or together[best] <= least_of_all:
+        return 0.0
+
+    def negative(lead: float) -> float:
+        tried = [_ahead(stage.prepared, int(j), lead, float(widths[best, j])) for j in leading]
+        return -sum(gained(stage, gain) for gain in map(stage.gain, tried) if gain is not None)
+
+    return _likeliest(negative, LEADS[best], LEADS_APART)
+
+
+def _soft(stage: Stage, least: Array, soft: Bank) -> dict[int, float]:
+    """The joints whose friction is soft near rest, softer than is known, and its width w, rad/s (m/s)."""
+    # Bristles are soft near rest in their own way.
+    bristled = stage.hypothesis.joints_with(BRISTLES) | stage.prepared.held
+    coulomb, least = _coulomb(stage), least.copy()
+    found: dict[int, float] = {}
+    for each, gain in zip(soft.candidates, stage.gains(soft), strict=True):
+        joint = each.family.joint
+        assert joint is not None
+        if gain is None or joint in bristled or gain.coefficients[0] < SMALLEST_MISSING * coulomb[joint]:
+            continue
+        if (score := gained(stage, gain)) > least[joint]:
+            least[joint], found[joint] = score, each.member.shape["width"]
+
+    def negative(joint: int) -> Callable[[float], float]:
+        def of_width(width: float) -> float:
+            gain = stage.gain(_missing(stage.prepared, joint, width))
+            return 0.0 if gain is None else -gained(stage, gain)
+
+        return of_width
+
+    found = {joint: width for joint, width in found.items() if not _is_left(stage, joint, width)}
+    return {joint: _likeliest(negative(joint), width, APART) for joint, width in found.items()}
+
+
+def _is_left(stage: Stage, joint: int, width: float) -> bool:
+    """Whether softness is only what a joint's falling friction leaves: it explains little without that."""
+    accepted = stage.hypothesis.accepted
+    falling = [c for c in accepted if c.family.effect == NEAR_REST and c.family.joint == joint]
+    if not falling:
+        return False
+    rest = [c for c in accepted if c is not falling[0]]
+    alone = Stage.of(stage.ground, rest)
+    soft, fall = alone.gain(_missing(stage.prepared, joint, width)), alone.gain(falling[0])
+    return fall is not None and (soft is None or gained(alone, soft) < AS_MUCH * gained(alone, fall))
+
+
+def _coulomb(stage: Stage) -> Array:
+    """(n,) N·m of Coulomb friction as fitted."""
+    return standard_values(stage.prepared, stage.fitted.values).reshape(-1, PER_JOINT)[:, COULOMB]
+
+
+def with_friction_near_rest(prepared: Prepared, known: NearRest) -> Prepared:
+    """The runs with such Coulomb friction, less what is too slow for its form to tell."""
+    if known == NearRest():
+        return prepared
+    smoothing = np.zeros(prepared.joints)
+    smoothing[list(known.widths)] = list(known.widths.values())
+    turned = [
+        replace(run, logged=replace(run.logged, coulomb_smoothing=smoothing, coulomb_lead=known.lead))
+        for run in prepared.runs
+    ]
+    prepared = replace(prepared, runs=tuple(turned))
+    joints = range(prepared.joints) if known.lead else known.widths
+    slowest = {
+        joint: _slowest(prepared, joint, width) or GUESSED[-1] * width
+        for joint, width in known.widths.items()
+    }
+    runs = []
+    for run in prepared.runs:
+        used, rows = run.used.copy(), run.rows.copy()
+        for joint in joints:
+            share = run.filtered(run.logged.direction[:, [joint]], [joint])
+            rows[:, joint, PER_JOINT * joint + COULOMB] = share[:, 0]
+            used[:, joint] &= run.away_from(joint, slowest.get(joint, DEAD_ZONE))
+        for joint in known.held:
+            used[:, joint] = run.whole[:, joint]
+        for pair in known.standing:
+            used[:, pair] &= apart_from_standing(run, pair)
+        runs.append(replace(run, used=used, rows=rows))
+    return replace(prepared, runs=tuple(runs), held=known.held, standing=known.standing)
+
+
+def _slowest(prepared: Prepared, joint: int, width: float) -> float | None:
+    """The speed, rad/s (m/s), from which samples count at a width; None where too few would be left."""
+    used = np.concatenate([run.used[:, joint] for run in prepared.runs])
+    for widths in GUESSED:
+        away = np.concatenate([run.away_from(joint, widths * width) for run in prepared.runs])
+        if np.sum(used & away) > FEWEST * np.sum(used):
+            return widths * width
+    return None
+
+
+def _likeliest(negative: Callable[[float], float], tried: float, apart: float) -> float:
+    """The minimum between the neighbours of a value that was tried."""
+    bounds = np.log(tried / apart), np.log(tried * apart)
+    best = minimize_scalar(
+        lambda logarithm: negative(float(np.exp(logarithm))),
+        bounds=bounds,
+        method="bounded",
+        options={"xatol": TOLERANCE},
+    )
+    return float(np.exp(best.x))
+
+
+def _missing(prepared: Prepared, joint: int, width: float) -> Candidate:
+    """What smoothing takes off a unit of a joint's Coulomb friction."""
+    return _changed(prepared, joint, {"width": width}, lambda run: np.tanh(run.turning[:, joint] / width))
+
+
+def _ahead(prepared: Prepared, joint: int, lead: float, width: float) -> Candidate:
+    """What turning so many seconds ahead of the joint adds to a unit of its Coulomb friction."""
+
+    def turned(run: Logged) -> Array:
+        turning = run.dq[:, joint] + lead * run.ddq[:, joint]
+        return np.tanh(turning / width) if width > 0 else np.sign(turning)
+
+    return _changed(prepared, joint, {"lead": lead, "width": width}, turned)
+
+
+def _changed(
+    prepared: Prepared, joint: int, shape: dict[str, float], turned: Callable[[Logged], Array]
+) -> Candidate:
+    """A share (N,) of a joint's Coulomb friction in place of the sign that the friction turns with."""
+    columns = [(turned(run.logged) - np.sign(run.logged.turning[:, joint]))[:, None] for run in prepared.runs]
+    return without_law(prepared, "friction near rest", joint, columns, np.zeros(1), shape)

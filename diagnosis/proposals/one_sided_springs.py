@@ -1,0 +1,62 @@
+"""Springs that pull one way: a hose with slack or a bumper is near a cable, and not in the catalogue."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ..data.preparation import Prepared
+from ..fit.likelihood import gained
+from ..fit.score import Stage
+from ..model.candidates import Candidate, without_law
+from ..model.effect_sizes import SPRINGS
+from ..model.gram import Bank
+from ..plausibility.accepted import Accepted
+from ..residual.unexplained import Unclaimed, share_left
+
+# Per cent of a joint's positions beyond which such a spring may begin to pull.
+BEGINNINGS = np.arange(5.0, 96.0, 10.0)
+# Log-likelihood that it must gain beyond the catalogue's law: of 90 cables and gravity springs none was
+# beaten by 17, of 12 slack hoses ten by 58 and more.
+LIKELIER = 20.0
+ONE_SIDED = "a spring that pulls one way"
+
+
+def one_sided(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints where a spring that begins to pull at some position is far likelier than the one with a name.
+
+    first: re-identification alone. last: with all effects taken in.
+    """
+    found = []
+    named = [a.candidate for a in accepted if a.named and a.candidate.family.effect in SPRINGS]
+    for joint in sorted({each.family.joint for each in named if each.family.joint is not None}):
+        apart = Stage.of(last.ground, [a.candidate for a in accepted if not _is_spring_of(a, joint)])
+        own = [each for each in named if each.family.joint == joint]
+        best, best_one_sided = (
+            _most_gained(apart, each) for each in (own, [*_springs(last.prepared, joint)])
+        )
+        if best_one_sided > best + LIKELIER:
+            found.append(Unclaimed(joint, ONE_SIDED, 1 - float(share_left(first, last)[joint])))
+    return tuple(found)
+
+
+def _most_gained(stage: Stage, springs: Sequence[Candidate]) -> float:
+    """The log-likelihood that the best of these gains."""
+    gains = stage.gains(Bank(stage.ground, springs))
+    return max(-np.inf if gain is None else gained(stage, gain) for gain in gains)
+
+
+def _is_spring_of(item: Accepted, joint: int) -> bool:
+    """Whether it is a spring at this joint: two of them may make up for one that pulls one way."""
+    return item.candidate.family.effect in SPRINGS and item.candidate.family.joint == joint
+
+
+def _springs(prepared: Prepared, joint: int) -> Iterator[Candidate]:
+    """Springs that pull beyond, or before, each of some positions."""
+    positions = np.concatenate([run.logged.q[:, joint] for run in prepared.runs])
+    for begins in np.percentile(positions, BEGINNINGS).tolist():
+        for side in (1.0, -1.0):
+            columns = [
+                side * np.maximum(side * (run.logged.q[:, joint] - begins), 0.0)[:, None]
+                for run in prepared.runs
+            ]
+            yield without_law(prepared, "one-sided spring", joint, columns, np.zeros(1), {"begins": begins})

@@ -1,0 +1,255 @@
+"""A drive that gives less than it was asked for: fitted where nothing is clipped, judged where it is.
+
+With a limit L the drive gave clip(asked, ±L). The samples beyond L take no part in the fit, or a small
+limit would explain the torque by itself; they are predicted, once as asked for and once as clipped.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+from scipy.optimize import minimize_scalar
+
+from testbench.effects import effect
+from testbench.effects.signature import Family
+
+from ..data.preparation import Prepared
+from ..fit.bounded import solve
+from ..fit.likelihood import Weighed, log_of_squares
+from ..fit.score import Gain, Stage
+from ..model.candidates import SATURATION, Candidate, candidate
+from ..model.gram import Bank
+from ..model.hypothesis import log_prior
+from ..residual.unexplained import foretold_shares
+
+Array = NDArray[np.float64]
+
+# Shares of the samples that may lie beyond the limit, and how many it takes after decimation.
+CLIPPED = (0.002, 0.005, 0.01, 0.02, 0.035, 0.055, 0.08, 0.12, 0.17, 0.23, 0.3)
+FEWEST = 5
+# A controller that has run away asks for all it may ask for this share of the time: then so much of that. In
+# a report with noise it is a quantile that tells.
+HELD, AT_PEAK, PEAK = 0.02, 0.97, 0.998
+OF_PEAK = np.geomspace(0.9, 0.02, 16)
+# The filter smears what is cut off over so many cut-off periods to either side.
+REACH_PERIODS = 0.5
+# Of the squared error beyond the limit, the share that clipping must explain, and how much larger what is
+# cut off there is than the error elsewhere, both RMS.
+SMALLEST_SHARE, STANDING_OUT = 0.9, 2.0
+# Once is enough where clipping explains all but this: single peaks of drives that clip leave a thousandth at
+# most, and pushes a tenth or more.
+ONCE_LEFT = 0.01
+SMALLEST_GAIN = 7.5
+# Seconds without clipping that part one time from the next; a time counts from this share of the largest on,
+# since the filter rings a little.
+APART, OF_LARGEST = 0.5, 0.02
+# Not worth a trial where the error does not even rise with what would be cut off.
+SMALLEST_SLOPE = 0.2
+REFINEMENTS = 12
+# Of an unknown's information, relative.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Cut:
+    """What a limit (N·m) of a joint cuts off.
+
+    beyond: a run's samples (M,) that the filter fills from beyond the limit.
+    """
+
+    joint: int
+    limit: float
+    candidate: Candidate
+    beyond: tuple[NDArray[np.bool_], ...]
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """What a limit adds to the likelihood, its share of the joint's residual, and if it looks like one."""
+
+    cut: Cut
+    score: float
+    share: float
+    clips: bool
+    values: Array
+    held_squares: Array
+
+
+def cuts(prepared: Prepared) -> list[list[Cut]]:
+    """What limits of each joint would cut off, those that clip least first; they depend on the logs alone."""
+    logged = [run.logged for run in prepared.runs]
+
+    def of_joint(joint: int) -> list[Cut]:
+        family = effect(SATURATION).signature(logged, joint, None)
+        if not family.members:
+            return []
+        asked = np.concatenate([np.abs(torque) for torque in asked_torque(prepared, joint)])
+        limits = np.quantile(asked, 1 - np.array(CLIPPED))
+        if np.mean(asked > AT_PEAK * np.quantile(asked, PEAK)) > HELD:
+            limits = np.append(limits, asked.max() * OF_PEAK)
+        return [_cut(prepared, family, limit) for limit in np.unique(limits)[::-1].tolist()]
+
+    with ThreadPoolExecutor() as pool:
+        return list(pool.map(of_joint, range(prepared.joints)))
+
+
+def saturation(stage: Stage, free: Bank, limits: Sequence[Sequence[Cut]]) -> Weighed | None:
+    """The joint whose drive clips, at its likeliest limit; None where none does that is not accepted yet.
+
+    free: candidates of generic.py; what one of them explains better has nothing to do with a limit.
+    limits: of ``cuts``.
+    """
+    known = stage.hypothesis.joints_with(SATURATION)
+    found: list[_Trial] = []
+    for joint, tried in enumerate(limits):
+        trial = None if joint in known else _likeliest(stage, tried)
+        if trial is not None and trial.clips and trial.score > SMALLEST_GAIN:
+            found.append(trial)
+    foretold = foretold_shares(stage, free) if found else np.zeros(0)
+    found = [each for each in found if each.share > foretold[each.cut.joint]]
+    if not found:
+        return None
+    best = max(found, key=lambda trial: trial.score)
+    return Weighed(_gain(stage, best), best.score)
+
+
+def _likeliest(stage: Stage, limits: Sequence[Cut]) -> _Trial | None:
+    scored = [(trial, k) for k, cut in enumerate(limits) if (trial := _trial(stage, cut)) is not None]
+    if not scored:
+        return None
+    best, at = max(scored, key=lambda each: each[0].score)
+    if best.score <= SMALLEST_GAIN:
+        return None
+    family = best.cut.candidate.family
+    # A command that runs away passes all limits between two quantiles at once: that next to the likeliest may
+    # clip too little to be tried itself.
+    ends = limits[min(at + 1, len(limits) - 1)].limit, limits[max(at - 1, 0)].limit
+    tried: dict[float, _Trial] = {}
+
+    def negative(limit: float) -> float:
+        trial = _trial(stage, _cut(stage.prepared, family, limit))
+        if trial is None:
+            return 0.0
+        tried[limit] = trial
+        return -trial.score
+
+    if ends[1] > ends[0]:
+        minimize_scalar(negative, bounds=ends, method="bounded", options={"maxiter": REFINEMENTS})
+    return max([best, *tried.values()], key=lambda trial: trial.score)
+
+
+def _cut(prepared: Prepared, family: Family, limit: float) -> Cut:
+    assert family.member is not None
+    assert family.joint is not None
+    made = candidate(prepared, family, family.member({"limit": limit}))
+    beyond = []
+    for run, torque in zip(prepared.runs, asked_torque(prepared, family.joint), strict=True):
+        reach = 2 * round(REACH_PERIODS * run.logged.sample_rate / run.logged.cutoff) + 1
+        beyond.append(maximum_filter1d(np.abs(torque), reach)[run.kept] > limit)
+    return Cut(family.joint, limit, made, tuple(beyond))
+
+
+def asked_torque(prepared: Prepared, joint: int) -> list[Array]:
+    """What the drive was asked for, a run (N,) N·m: the command where it was logged, else the report."""
+    logged = [run.logged for run in prepared.runs]
+    return [(run.tau if run.torque_command is None else run.torque_command)[:, joint] for run in logged]
+
+
+def _trial(stage: Stage, limit: Cut) -> _Trial | None:
+    ground, weights, joint = stage.ground, stage.weights, limit.joint
+    folds, n, loading = range(len(ground.folds)), ground.joints, stage.hypothesis.loading
+    cut = [ground.rows_of(limit.candidate.filtered, f, joint, 0)[:, 0] for f in folds]
+    used = [ground.used[f][joint] for f in folds]
+    beyond = [limit.beyond[run][used[f]] for f, (run, _) in enumerate(ground.folds)]
+    count = sum(int(rows.sum()) for rows in beyond)
+    held = [stage.held[f][joint][beyond[f]] @ cut[f][beyond[f]] for f in folds]
+    square = sum(float(np.sum(cut[f][beyond[f]] ** 2)) for f in folds)
+    if count < FEWEST or sum(held) < SMALLEST_SLOPE * square:
+        return None
+    # What a fold's rows say of the parameters, less those beyond the limit.
+    xx, xy = [], []
+    for f in folds:
+        x, y, out = stage.hypothesis.x[f][joint], ground.y[f][joint], beyond[f]
+        xx.append(stage.parts[f].copy())
+        xx[f][loading[joint][:, None], loading[joint]] -= weights[joint] * x[out].T @ x[out]
+        xy.append(weights @ stage.xy[f])
+        xy[f][loading[joint]] -= weights[joint] * x.T @ np.where(out, y, cut[f])
+    lower, upper = stage.fitted.bounds
+    whole = stage.parts.sum(axis=0) + stage.precision
+    values = solve(_of_what_is_left(sum(xx) + stage.precision, whole), sum(xy), lower, upper)
+    squares = np.zeros(n)
+    bouts: list[tuple[float, float]] = []
+    elsewhere = 0.0
+    for f in folds:
+        apart = _of_what_is_left(sum(xx) - xx[f] + stage.precision, whole)
+        own = solve(apart, sum(xy) - xy[f], lower, upper)
+        for j in range(n):
+            left = ground.y[f][j] - stage.hypothesis.x[f][j] @ own[loading[j]]
+            if j == joint:
+                out = beyond[f]
+                before = left[out] ** 2
+                left = left - cut[f]
+                bouts += _bouts(stage, f, joint, out, cut[f][out], before, left[out] ** 2)
+                elsewhere += float(np.sum(left[~out] ** 2))
+            squares[j] += float(np.sum(left**2))
+    kept = max(float(stage.counts[joint]) - count, 1.0)
+    # A joint that stands still leaves nothing, before and after.
+    left_over = np.divide(squares, stage.held_squares, out=np.ones(n), where=stage.held_squares > 0)
+    likelihood = log_of_squares(stage.independent, left_over)
+    prior_gain = float(log_prior(stage.hypothesis, values)) - stage.prior
+    asked_for, clipped = np.array(bouts).T
+    clips = clipped.sum() < (1 - SMALLEST_SHARE) * asked_for.sum()
+    clips &= square / count > STANDING_OUT**2 * elsewhere / kept
+    # A push makes the torque large once; a drive clips again whenever as much is asked of it, either way.
+    explained = clipped < (1 - SMALLEST_SHARE) * asked_for
+    again = np.sum(explained & (asked_for > OF_LARGEST * asked_for.max())) > 1
+    clips &= again or clipped.sum() < ONCE_LEFT * asked_for.sum()
+    return _Trial(
+        cut=limit,
+        score=likelihood + prior_gain,
+        share=float(1 - squares[joint] / stage.held_squares[joint]),
+        clips=bool(clips),
+        values=values,
+        held_squares=squares,
+    )
+
+
+def _of_what_is_left(matrix: Array, whole: Array) -> Array:
+    """Information (p, p) without the unknowns of which subtraction from the whole has left rounding alone."""
+    gone = np.diag(matrix) <= ROUNDING * np.diag(whole)
+    return np.where(gone[:, None] | gone, 0.0, matrix)
+
+
+def _bouts(
+    stage: Stage,
+    fold: int,
+    joint: int,
+    beyond: NDArray[np.bool_],
+    cut: Array,
+    asked_for: Array,
+    clipped: Array,
+) -> list[tuple[float, float]]:
+    """Squared error beyond the limit, as asked for and as clipped, for each time that it was passed.
+
+    cut: what is cut off there; each way is a time of its own.
+    """
+    run, _ = stage.ground.folds[fold]
+    time = stage.prepared.runs[run].time[stage.ground.used[fold][joint]][beyond]
+    another = (np.diff(time) > APART) | (np.diff(np.sign(cut)) != 0)
+    parts = np.split(np.arange(len(time)), np.flatnonzero(another) + 1)
+    return [(float(asked_for[part].sum()), float(clipped[part].sum())) for part in parts if len(part)]
+
+
+def _gain(stage: Stage, trial: _Trial) -> Gain:
+    return Gain(
+        candidate=trial.cut.candidate,
+        objective=float(np.sum(stage.weights * (stage.held_squares - trial.held_squares))),
+        held_out=stage.held_squares - trial.held_squares,
+        coefficients=np.ones(1),
+        overlap=0.0,
+        prior=float(log_prior(stage.hypothesis, trial.values)),
+        information=np.ones((1, 1)),
+    )

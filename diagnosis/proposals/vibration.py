@@ -1,0 +1,161 @@
+"""Vibration: what shakes a joint at one frequency, from outside, looks like a drive that is late there.
+
+A controller answers a shaken joint with torque at that frequency, a quarter of a turn from what shakes it or
+so, and so does a lag. But a lag is one at every frequency: split into that line and all else, its torque has
+one coefficient.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import rfft, rfftfreq
+
+from testbench.effects.signature import Member
+
+from ..data.preparation import Run
+from ..fit.score import Gain, Stage
+from ..model.candidates import Candidate
+from ..model.effect_sizes import LAG
+from ..plausibility.accepted import Accepted, without_one
+from ..residual.spectrum import SMALLEST, kept_rate
+from ..residual.unexplained import NOTHING, Unclaimed, share_left
+
+Array = NDArray[np.float64]
+
+VIBRATION = "vibration"
+# Hz: the line to either side of its middle, and how far apart the middles are.
+HALF_LINE, APART = 0.5, 0.25
+# Standard deviations that what lies beside the line must be from none, and may be from what lies in it; and
+# the share of it by which laws of all kinds may differ.
+FROM_NONE, FROM_LINE, LIKE_LINE = 2.0, 4.0, 0.2
+# Standard deviations and the share of the line by which it is another's, a quarter of a turn from a lag's: of
+# two stages a little is, too.
+LATER, LATER_SHARE = 6.0, 0.3
+# A vibration is so much of what is left, and not so much of the motion's torque, as a share of that.
+MOST, OF_MOTION = 0.5, 0.3
+# What shakes less than this share of its joint's gap is no more than that beside what has a name there.
+LEAST_TOLD = 0.02
+# Of a line's sines, singular values below this share of the largest are the same ones once more.
+WORTH_A_WAVE = 1e-3
+
+
+def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
+    """Joints whose drive is named late, but not beside one line of frequency.
+
+    first: re-identification alone. last: with all effects taken in.
+    """
+    left, found = share_left(first, last), []
+    for place, item in enumerate(accepted):
+        joint = item.candidate.family.joint
+        if not item.named or item.candidate.family.effect != LAG or joint is None:
+            continue
+        alone = Stage(last.ground, *without_one(last.prepared, accepted, place))
+        law = [run @ last.fitted.values[last.hypothesis.parts[place]] for run in item.candidate.filtered]
+        (f, before), (_, after) = (_spectrum(*_left(stage, joint)) for stage in (alone, last))
+        # Where it explains most, and where it has most torque to explain any with.
+        lines = strongest_line(f, before - after), strongest_line(*_spectrum(law, last.prepared.runs))
+        for line in lines:
+            gain = alone.gain(_split(item.candidate, law, line, last.prepared.runs))
+            if gain is not None and not _is_one_law(gain):
+                # Not what is explained there beside it.
+                taken_off = share_left(first, alone)[joint] - left[joint]
+                found.append(Unclaimed(joint, VIBRATION, max(float(taken_off), 0.0), line))
+                break
+    return tuple(found)
+
+
+def without_shaken(accepted: Sequence[Accepted], found: Sequence[Unclaimed]) -> list[Accepted]:
+    """What was taken in, without the lags that are vibrations: no simulator is right with them.
+
+    found: of ``vibrations``, among others.
+    """
+    shaken = {each.joint for each in found if each.regime == VIBRATION}
+    return [a for a in accepted if a.candidate.family.effect != LAG or a.candidate.family.joint not in shaken]
+
+
+def worth_telling(found: Sequence[Unclaimed]) -> list[Unclaimed]:
+    """What is unclaimed, without vibrations that are next to nothing of their joint's gap."""
+    return [each for each in found if each.regime != VIBRATION or each.share > LEAST_TOLD]
+
+
+def with_its_line(last: Stage, item: Unclaimed) -> Unclaimed:
+    """What follows nothing, with the frequency that most of it shakes at, if the motion does not.
+
+    last: with all effects taken in.
+    """
+    if item.regime != NOTHING:
+        return item
+    residual, runs = _left(last, item.joint)
+    gaps = zip(last.prepared.runs, last.hypothesis.gap, strict=True)
+    motion = [(run.torque - gap)[:, [item.joint]] for run, gap in gaps]
+    left, moving = _spectrum(residual, runs), _spectrum(motion, last.prepared.runs)
+    line = strongest_line(*left)
+    shaken, moved = (
+        float(power[_is_in(f, line)].sum() / max(power.sum(), SMALLEST)) for f, power in (left, moving)
+    )
+    is_line = shaken > MOST and moved < OF_MOTION * shaken
+    return replace(item, frequency=line) if is_line else item
+
+
+def _left(stage: Stage, joint: int) -> tuple[list[Array], list[Run]]:
+    """What a stage leaves of a joint, (M, 1), bridged where samples do not count; and the runs that tell."""
+    found, told = [], []
+    for run, left in zip(stage.prepared.runs, stage.fitted.residual, strict=True):
+        used, index = run.used[:, joint], np.arange(len(left))
+        if used.any():
+            found.append(np.interp(index, index[used], left[used, joint])[:, None])
+            told.append(run)
+    return found, told
+
+
+def _split(lag: Candidate, law: Sequence[Array], line: float, runs: Sequence[Run]) -> Candidate:
+    """A lag's torque as it was fitted, a run (M, r): in a line, beside it, and the line a quarter later."""
+    columns = []
+    for each, run in zip(law, runs, strict=True):
+        # Sines that are fitted leave nothing of a line that does not close at the run's end.
+        time = np.arange(len(each)) / kept_rate(run)
+        lines = np.arange(line - HALF_LINE, line + HALF_LINE, 0.5 / max(time[-1], 1.0))
+        angle = 2 * np.pi * np.outer(time, lines)
+        waves, turned = (
+            np.concatenate(both, axis=1)
+            for both in ([np.cos(angle), np.sin(angle)], [np.sin(angle), -np.cos(angle)])
+        )
+        own = np.linalg.lstsq(waves, each, rcond=WORTH_A_WAVE)[0]
+        columns.append(np.stack([waves @ own, each - waves @ own, turned @ own], axis=2))
+    free = np.full(3, np.inf)
+    return replace(lag, member=Member({}, lag.member.rows, (), -free, free), filtered=tuple(columns))
+
+
+def _spectrum(torque: Sequence[Array], runs: Sequence[Run]) -> tuple[Array, Array]:
+    """Frequencies, Hz, and power of a torque less its mean, a run (M, 1), one run after the other."""
+    frequencies = [rfftfreq(len(each), 1 / kept_rate(run)) for each, run in zip(torque, runs, strict=True)]
+    power = [np.abs(rfft(each[:, 0] - each.mean())) ** 2 for each in torque]
+    return np.concatenate(frequencies), np.concatenate(power)
+
+
+def strongest_line(frequencies: Array, power: Array) -> float:
+    """The middle of what has most power within the width of a line, Hz."""
+    middles = np.arange(HALF_LINE, max(frequencies.max(), 2 * HALF_LINE), APART).tolist()
+    strongest = max(middles, key=lambda middle: float(power[_is_in(frequencies, middle)].sum()))
+    inside = _is_in(frequencies, strongest)
+    if not inside.any():
+        # Runs of less than a second have none as narrow.
+        return float(strongest)
+    return float(np.average(frequencies[inside], weights=np.maximum(power[inside], SMALLEST)))
+
+
+def _is_in(frequencies: Array, line: float) -> NDArray[np.bool_]:
+    return np.abs(frequencies - line) < HALF_LINE
+
+
+def _is_one_law(gain: Gain) -> bool:
+    """Whether what is beside the line is there for certain, is what is in it, and is in phase with it."""
+    line, beside, later = gain.coefficients.tolist()
+    covariance = np.linalg.pinv(gain.information, hermitian=True)
+    is_there = beside > FROM_NONE * float(np.sqrt(covariance[1, 1]))
+    differs = float(np.sqrt(covariance[0, 0] - 2 * covariance[0, 1] + covariance[1, 1]))
+    is_alike = abs(line - beside) < max(FROM_LINE * differs, LIKE_LINE * max(line, beside))
+    is_later = abs(later) > max(LATER * float(np.sqrt(covariance[2, 2])), LATER_SHARE * line)
+    return is_there and is_alike and not is_later

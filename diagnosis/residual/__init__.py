@@ -1,0 +1,1 @@
+"""Residuals of a fit: noise, intervals, spectra, joints and regimes, structure that no effect explains."""

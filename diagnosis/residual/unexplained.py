@@ -1,0 +1,287 @@
+"""Structure that the hypothesis leaves: where a free function of the motion explains what no effect does."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from testbench.robot import Robot
+
+from ..fit.likelihood import Weighed, weigh
+from ..fit.normal_equations import fit, is_extrapolated, squares
+from ..fit.score import Gain, Stage
+from ..model.candidates import FREE
+from ..model.effect_sizes import SPRINGS, is_beyond_healthy
+from ..model.free_functions import RUN_TIME
+from ..model.gram import Bank
+from ..model.hypothesis import LATE, design
+from .localisation import regime_shares
+from .noise import noise
+from .shares import RegimeShare
+from .spectrum import PERIODIC, SPECTRAL, slow_share
+
+Array = NDArray[np.float64]
+
+# A free function counts where it removes this share of what is left of the joint's squared residual and this
+# share of its RMS torque ...
+SMALLEST_SHARE, SMALLEST_TORQUE = 0.25, 0.015
+# ... and that is this share of what re-identification left, and of what the effects taken in explain there.
+SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
+
+# What an effect of healthy size explains, this share of it, is none where it is less than this of the torque;
+# as surely as a name is told.
+AS_WELL, LITTLE_TORQUE, SMALLEST_WALD = 0.8, 0.03, 25.0
+
+# What is left counts without any function to follow where it is this share of the joint's RMS torque, so many
+# times the noise, and this share of what re-identification left.
+MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
+# Or less noise, where the joint in the middle of all has a sixth of it: no law's rest is one joint's alone.
+FAR_OUT, FAR_OUT_NOISE = 6.0, 2.0
+# So does what is this share of the joint's torque and so many times what the joint in the middle of all has
+# (or less and more times), not noise, and this share of what re-identification left: a law that is nearly the
+# robot's leaves less, and a spring's next to nothing.
+STANDING_OUT = ((0.03, 3.0), (0.02, 4.0))
+STANDING_OUT_LEFT, SPRING_LEFT = 0.37, 0.12
+# And what is slow, where it is this share of the joint's torque: no healthy joint leaves so much but noise.
+# Half as much must be left of all runs together, or one run only tells what the others do not.
+STRUCTURE, FITTED_STRUCTURE, SLOW = 0.04, 0.02, 0.5
+# Or is not noise because some part of the motion has so many times its share of it.
+DENSE = 2.0
+# And whatever it looks like, where it is this share of the joint's torque (imperfections of any joint are one
+# or two per cent), so many times the noise, and this share of what re-identification left.
+LOUD_TORQUE, LOUD_NOISE, LOUD_LEFT = 0.03, 6.0, 0.2
+# What is less than this share of the step in which torque is logged is rounding, not white but a function of
+# the torque: 1 / sqrt(12), and a fifth more.
+QUANTISED = 0.35
+# What as many coefficients fit by chance has this Wald's statistic at most, in its standard deviations: where
+# parameters are extrapolated, a function of run time may seem to foretell what all runs do not fit.
+BY_CHANCE = 3.0
+# A period counts from so many times the share that chance gives one.
+MORE_THAN_CHANCE = 2.0
+WORSE = 0.1
+NOTHING, TIMING = "nothing that was tried", "rate of torque"
+# What effects explain that these runs do not tell for sure.
+UNTOLD = "effects that these runs do not tell for sure"
+
+
+@dataclass(frozen=True)
+class Unclaimed:
+    """A joint's index, the regime in words, and the share of its gap that follows it.
+
+    frequency: Hz, where most of that shakes at one. period: in words, where much of it repeats with the
+    position. nearest: the effect that explains most of it by all runs, and whose name does not hold on those
+    left out.
+    """
+
+    joint: int
+    regime: str
+    share: float
+    frequency: float | None = None
+    period: str | None = None
+    nearest: str | None = None
+
+
+def foretold_shares(stage: Stage, free: Bank) -> Array:
+    """Largest share of each joint's held-out squared residual that a function of the motion removes, (n,).
+
+    Functions of the run's time are left out: what happens at an instant is no function of the motion.
+    """
+    return np.max([np.zeros(stage.prepared.joints), *map(stage.shares, _of_motion(stage, free))], axis=0)
+
+
+def fitted_shares(stage: Stage, free: Bank) -> Array:
+    """Largest share of each joint's squared residual that a function of the motion fits, (n,): not foretold.
+
+    Functions of the run's time are left out, as above.
+    """
+    residual = stage.weights * squares(stage.fitted.residual)
+    found = np.zeros(stage.prepared.joints)
+    for gain in _of_motion(stage, free):
+        joint = list(gain.candidate.member.rows)
+        found[joint] = np.maximum(found[joint], gain.objective / np.maximum(residual[joint], 1e-300))
+    return found
+
+
+def _of_motion(stage: Stage, free: Bank) -> list[Gain]:
+    """What the free functions gain, but for those of the run's time."""
+    gains = [gain for gain in stage.gains(free) if gain is not None]
+    return [gain for gain in gains if gain.candidate.family.effect != FREE + RUN_TIME]
+
+
+def unclaimed(first: Stage, last: Stage, free: Bank, certain: Stage | None = None) -> tuple[Unclaimed, ...]:
+    """The joints at which a function free of any law explains what the hypothesis does not, largest first.
+
+    first: re-identification alone. last: with all effects taken in. free: candidates of generic.py. certain:
+    with those alone whose size is known, if not all are: the others take a part of anything.
+    """
+    found: dict[int, Unclaimed] = {}
+    for each in (*_of_free_functions(first, last, free), *_of_periods(first, last), *_of_timing(last)):
+        if each.joint not in found or each.share > found[each.joint].share:
+            found[each.joint] = each
+    for each in _of_nothing(first, last if certain is None else certain):
+        found.setdefault(each.joint, each)
+    told = [each for each in found.values() if last.hypothesis.is_told[each.joint]]
+    return tuple(sorted(told, key=lambda item: -item.share))
+
+
+def _of_free_functions(first: Stage, last: Stage, free: Bank) -> Iterator[Unclaimed]:
+    """What smooth functions of the motion foretell."""
+    for weighed in weigh(last, free):
+        joint = weighed.candidate.family.joint
+        assert joint is not None
+        count = weighed.candidate.count
+        if weighed.gain.wald < count + BY_CHANCE * np.sqrt(2 * count):
+            continue
+        regime = weighed.candidate.family.effect.removeprefix(FREE)
+        yield from _if_enough(first, last, joint, regime, float(weighed.gain.held_out[joint]))
+
+
+def _of_periods(first: Stage, last: Stage) -> Iterator[Unclaimed]:
+    """What repeats with the position, too often for a smooth function."""
+    for joint in np.flatnonzero(_relative(last) > SMALLEST_TORQUE).tolist():
+        if (period := _period(last, joint)) is not None:
+            more = period.share * float(last.held_squares[joint])
+            yield from _if_enough(first, last, joint, period.regime, more)
+
+
+def with_its_period(last: Stage, item: Unclaimed) -> Unclaimed:
+    """What follows nothing and shakes at no frequency, with the period in the position that much of it has.
+
+    last: with all effects taken in.
+    """
+    if item.regime != NOTHING or item.frequency is not None:
+        return item
+    period = _period(last, item.joint)
+    if period is None or period.share <= SMALLEST_SHARE:
+        return item
+    return replace(item, period=period.regime)
+
+
+def _period(last: Stage, joint: int) -> RegimeShare | None:
+    """The strongest period of what is left of a joint, if chance gives none as strong."""
+    shares = regime_shares(last.prepared, last.fitted.held_out, last.hypothesis.used, joint)
+    periods = (each for each in shares if each.aspect == PERIODIC)
+    return next((each for each in periods if each.concentration > MORE_THAN_CHANCE), None)
+
+
+def _if_enough(first: Stage, last: Stage, joint: int, regime: str, more: float) -> Iterator[Unclaimed]:
+    """A joint's regime, if a function of it explains enough. more: its held-out squares that it removes."""
+    explained = float(first.held_squares[joint] - last.held_squares[joint])
+    torque = np.sqrt(max(more, 0.0) / max(float(last.counts[joint]), 1.0))
+    if (
+        more >= SMALLEST_SHARE * last.held_squares[joint]
+        and torque >= SMALLEST_TORQUE * last.ground.torque_rms[joint]
+        and more >= SHARE_OF_GAP * first.held_squares[joint]
+        and more >= SHARE_OF_EXPLAINED * explained
+    ):
+        yield Unclaimed(joint, regime, more / float(first.held_squares[joint]))
+
+
+def _of_timing(last: Stage) -> Iterator[Unclaimed]:
+    """What a common delay explains that is longer than between the sampling of torque and of position.
+
+    Torque that is logged late, through a filter, is the log's, not the robot's.
+    """
+    hypothesis = last.hypothesis
+    delayed = any(each.is_common_delay for each in hypothesis.accepted)
+    if delayed or last.timing > -LATE:
+        return
+    in_time = squares(
+        fit(last.prepared, design(last.prepared, hypothesis.accepted, is_delayed=True)).held_out
+    )
+    share = 1 - last.held_squares / np.maximum(in_time, 1e-300)
+    joint = int(np.argmax(share))
+    yield Unclaimed(joint, TIMING, float(share[joint]))
+
+
+def without_imperfections(
+    robot: Robot, first: Stage, last: Stage, found: Sequence[Unclaimed], open_: Sequence[Weighed]
+) -> list[Unclaimed]:
+    """What is unclaimed, without the little that an effect of a healthy size explains as well.
+
+    robot: that sizes are relative to. open_: the effects that the last stage has not.
+    """
+
+    def explains(weighed: Weighed, joint: int, squares: float) -> bool:
+        gain, own = weighed.gain, weighed.candidate.family.joint
+        if own != joint or gain.wald < SMALLEST_WALD or gain.held_out[joint] < AS_WELL * squares:
+            return False
+        return not is_beyond_healthy(robot, last.ground.torque_rms, gain.candidate, gain.coefficients)
+
+    kept = []
+    for each in found:
+        squares = each.share * float(first.held_squares[each.joint])
+        torque = np.sqrt(squares / max(float(last.counts[each.joint]), 1.0))
+        is_little = torque < LITTLE_TORQUE * last.ground.torque_rms[each.joint] and each.regime != NOTHING
+        if not (is_little and any(explains(w, each.joint, squares) for w in open_)):
+            kept.append(each)
+    return kept
+
+
+def share_left(first: Stage, last: Stage) -> Array:
+    """The part of the held-out squared residual of the first stage that the last one leaves, (n,)."""
+    return last.held_squares / np.maximum(first.held_squares, 1e-300)
+
+
+def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
+    """What is too much to be nothing, and follows nothing."""
+    of_sensors = noise(last.prepared)
+    relative, times_noise = _relative(last), _rms(last) / of_sensors.rms
+    left = share_left(first, last)
+    unfit = (relative > MISFIT_TORQUE) & (left > MISFIT_LEFT)
+    middle = float(np.median(relative))
+    stands_out = np.any(
+        [(relative > least) & (relative > times * middle) for least, times in STANDING_OUT], axis=0
+    )
+    sprung = last.hypothesis.joints_with(*SPRINGS)
+    most = np.where([joint in sprung for joint in range(len(left))], SPRING_LEFT, STANDING_OUT_LEFT)
+    # What is worse than without any effect says nothing of the robot.
+    no_worse = left < 1 + WORSE
+    stands_out &= (left > most) & no_worse
+    structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & no_worse
+    extrapolated = is_extrapolated(squares(last.fitted.residual), last.held_squares)
+    counted = _rms(last) < QUANTISED * last.prepared.torque_step
+    loud = (relative > LOUD_TORQUE) & (times_noise > LOUD_NOISE) & of_sensors.seen
+    loud &= (left > LOUD_LEFT) & no_worse
+    # A push leaves much of itself where it acted otherwise than was fitted.
+    loud &= not any(each.is_event for each in last.hypothesis.accepted)
+    for joint in np.flatnonzero((unfit | stands_out | structured | loud) & ~extrapolated & ~counted).tolist():
+        slow, foretold = _slow(last, joint, last.fitted.held_out)
+        _, fitted = _slow(last, joint, last.fitted.residual)
+        is_large = loud[joint] or (unfit[joint] and times_noise[joint] > MISFIT_NOISE)
+        is_large |= (
+            structured[joint] and relative[joint] > FAR_OUT * middle and times_noise[joint] > FAR_OUT_NOISE
+        )
+        is_structure = structured[joint] and foretold > STRUCTURE and fitted > FITTED_STRUCTURE
+        is_slow = slow > SLOW and (stands_out[joint] or is_structure)
+        if is_large or is_slow or ((unfit | stands_out)[joint] and _is_dense(last, joint)):
+            yield Unclaimed(joint, NOTHING, min(float(left[joint]), 1.0))
+
+
+def _rms(stage: Stage) -> Array:
+    """RMS of each joint's held-out residual, (n,) N·m."""
+    return np.sqrt(stage.held_squares / np.maximum(stage.counts, 1))
+
+
+def _relative(stage: Stage) -> Array:
+    """The same by the joint's RMS torque."""
+    return _rms(stage) / stage.ground.torque_rms
+
+
+def _slow(stage: Stage, joint: int, residual: Sequence[Array]) -> tuple[float, float]:
+    """How much of a joint's residual, a run (M, n), lies where motion does, beyond what noise has there.
+
+    As a share of its square, nothing for noise and one for what is nowhere else; its RMS by the joint's own.
+    """
+    own, used = [run[:, joint] for run in residual], [run[:, joint] for run in stage.hypothesis.used]
+    share, expected = slow_share(stage.prepared.runs, joint, own, used)
+    slow = (share - expected) / (1 - expected)
+    square = sum(float(np.sum(run**2)) for run in own) / max(float(stage.counts[joint]), 1.0)
+    return slow, float(np.sqrt(max(slow, 0.0) * square)) / float(stage.ground.torque_rms[joint])
+
+
+def _is_dense(stage: Stage, joint: int) -> bool:
+    """Whether some part of the motion surely has so many times the residual that noise would have there."""
+    shares = regime_shares(stage.prepared, stage.fitted.held_out, stage.hypothesis.used, joint)
+    return any(each.low > DENSE * each.expected for each in shares if each.aspect not in SPECTRAL)

@@ -1,0 +1,1 @@
+"""The greedy search for the hypothesis, one effect a round."""

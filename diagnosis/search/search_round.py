@@ -1,0 +1,200 @@
+"""A round of the search: what explains most of what a hypothesis leaves, and if its size is certain."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+
+from testbench.robot import Robot
+
+from ..decision.found import Found
+from ..fit.likelihood import Weighed, weigh
+from ..fit.score import Gain, Stage
+from ..model.candidates import EVENT, SATURATION
+from ..model.effect_sizes import ELASTIC, RIPPLE, is_beyond_healthy, is_plausible
+from ..model.gram import Bank
+from ..plausibility.accepted import Accepted
+from ..plausibility.materiality import OF_ENCODER, SMALLEST_GAIN, SMALLEST_WALD, is_material
+from ..plausibility.single_effect import are_joints_own, is_elsewhere, is_enough_alone, is_late_alone, is_most
+from ..proposals.contact import contact, explains_all_bursts, is_in_bursts_at_several
+from ..proposals.laws import refined
+from ..proposals.ripple_peaks import ripple_candidates
+from ..proposals.saturation import Cut, saturation
+from ..residual.unexplained import unclaimed
+from .absorbed_effects import swallowed
+from .shortlist import choose
+
+# What all runs together fit as nothing, by Wald's statistic, is nothing, whatever parts of them foretell.
+AS_NOTHING = 1.0
+# A spring's column has a coefficient of one where its shape is right. With less than this it is another's,
+# which a little of its resonance happens to look like.
+LEAST_SPRING = 0.15
+# A push that explains so many times what any effect does is seen first: it would be taken for effects.
+FAR_MORE = 3.0
+# What gains this share of the most that any effect does may be it.
+AS_MUCH = 0.7
+# And with this share of a joint's squared residual it is what acts there.
+NEARLY_ALL = 0.9
+# One that is alone takes off this share of some joint's RMS torque.
+SEEN_ALONE = 0.0015
+
+
+@dataclass(frozen=True)
+class Search:
+    """What stays the same from round to round.
+
+    first: re-identification alone. sized: the robot that sizes are relative to. limits: of ``cuts``. without:
+    effects taken out of the catalogue.
+    """
+
+    first: Stage
+    sized: Robot
+    limits: Sequence[Sequence[Cut]]
+    without: tuple[str, ...]
+
+    def open(self, stage: Stage, proposals: Bank) -> list[Weighed]:
+        """Every effect that may still be taken in, best first."""
+        taken = {each.place for each in stage.hypothesis.accepted}
+
+        def allowed(gain: Gain) -> bool:
+            if gain.candidate.family.effect == ELASTIC and gain.coefficients[0] < LEAST_SPRING:
+                return False
+            # What is held at a bound above zero is another shape's.
+            lower = gain.candidate.member.lower
+            if np.any((lower > 0) & (gain.coefficients <= lower)):
+                return False
+            # A law beside an effect's first stands back for it where it is none that is met.
+            law = gain.candidate.member.law
+            return law is None or is_plausible(self.sized, gain.candidate, gain.coefficients)
+
+        ripples = [] if RIPPLE in self.without else ripple_candidates(self.first, stage)
+        anew = Bank(stage.ground, ripples)
+        return [
+            w
+            for w in weigh(stage, proposals, anew, allowed=allowed)
+            if w.candidate.place not in taken
+            and w.gain.wald > AS_NOTHING
+            and is_plausible(self.sized, w.candidate, w.gain.coefficients)
+        ]
+
+    def round(
+        self, stage: Stage, weighed: Sequence[Weighed], free: Bank, before: Sequence[Accepted] = ()
+    ) -> Found | None:
+        """What explains most: a material effect or a limit; else a push; else a trace of what is swallowed.
+
+        weighed: of ``open``. free: candidates of generic.py. before: what was taken in.
+        """
+        most = weighed[0].score if weighed else 0.0
+        # It takes longer than all else: sought where something comes of it, and once.
+        push = cache(partial(self.push, stage, free))
+        material = [w for w in weighed if is_material(self.sized, stage, w, w.score >= AS_MUCH * most)]
+        clipped = None if SATURATION in self.without else saturation(stage, free, self.limits)
+        limit = 0.0 if clipped is None else clipped.score
+        largest = max((w.score for w in material), default=0.0)
+        if (
+            is_in_bursts_at_several(stage)
+            and (pushed := push()) is not None
+            and pushed.best.score > FAR_MORE * max(largest, limit)
+            and explains_all_bursts(stage, pushed.trial[1])
+        ):
+            return pushed
+        if clipped is not None and limit > largest:
+            shared = [w for w in material if _is_told_elsewhere(stage, w.gain, clipped)]
+            if shared and (chosen := choose(self.sized, stage, shared, weighed, self.without)) is not None:
+                return Found(*chosen)
+            # Who withstands a push asks for torque as long as it lasts.
+            if (pushed := push()) is not None and _is_likelier_there(pushed.best, clipped):
+                return pushed
+            return Found(clipped, (), stage.with_effects([clipped.candidate]))
+        if material and (chosen := choose(self.sized, stage, material, weighed, self.without)) is not None:
+            return Found(*chosen)
+        if (pushed := push()) is not None:
+            return pushed
+        if unclaimed(self.first, stage, free):
+            # What has no name leaves traces of all kinds.
+            return None
+        return (
+            self._late(stage, weighed, before)
+            or self._trace(stage, weighed)
+            or self._alone(stage, weighed, before)
+        )
+
+    def push(self, stage: Stage, free: Bank) -> Found | None:
+        """A push of the surroundings, the only one."""
+        if EVENT in self.without or any(each.is_event for each in stage.hypothesis.accepted):
+            return None
+        found = contact(stage, free)
+        return None if found is None else Found(*found)
+
+    def _late(self, stage: Stage, weighed: Sequence[Weighed], before: Sequence[Accepted]) -> Found | None:
+        """A delay that the timing of the log makes up for, of a robot without any imperfection."""
+        delay = next((w for w in weighed if w.candidate.is_common_delay), None)
+        others = [w for w in weighed if w is not delay]
+        if delay is None or not are_joints_own(before) or not is_late_alone(stage, others):
+            return None
+        best = refined(self.sized, stage, delay)
+        return Found(best, (), stage.with_effects([best.candidate]))
+
+    def _alone(self, stage: Stage, weighed: Sequence[Weighed], before: Sequence[Accepted]) -> Found | None:
+        """A little of one effect and of nothing else, which is not how robots are imperfect."""
+        if not are_joints_own(before) or not weighed or not self._is_seen(stage, weighed[0]):
+            return None
+        if not is_elsewhere(stage, weighed[0], before):
+            return None
+        # Of a grid the nearest shape has another size.
+        if not self._is_seen(stage, refined(self.sized, stage, weighed[0])):
+            return None
+        chosen = choose(self.sized, stage, weighed, weighed, self.without)
+        if chosen is None or not self._is_seen(stage, chosen[0]):
+            return None
+        best, rivals, trial = chosen
+        others = [w.candidate for w in weighed if w.candidate.place != best.candidate.place]
+        if not is_most(best, weigh(Stage(stage.ground, *trial), Bank(stage.ground, others))):
+            return None
+        return Found(best, rivals, trial, is_trace=True)
+
+    def _is_seen(self, stage: Stage, weighed: Weighed) -> bool:
+        """Whether it is there for certain, more than a healthy robot alone has, and shows in the torque."""
+        gain, torque_rms = weighed.gain, stage.ground.torque_rms
+        if weighed.score < SMALLEST_GAIN or gain.wald < SMALLEST_WALD:
+            return False
+        if float(stage.torque_shares(gain).max()) <= SEEN_ALONE:
+            return False
+        if is_enough_alone(self.sized, stage, weighed, gain.coefficients):
+            return True
+        return is_beyond_healthy(self.sized, torque_rms, gain.candidate, gain.coefficients)
+
+    def _trace(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
+        """What re-identification swallows, beyond what healthy robots have of it."""
+        after, traces = swallowed(stage, weighed)
+        traces = [
+            w
+            for w in traces
+            if is_plausible(self.sized, w.candidate, w.gain.coefficients)
+            and is_beyond_healthy(self.sized, stage.ground.torque_rms, w.candidate, w.gain.coefficients)
+        ]
+        if not traces:
+            return None
+        # The other error of its encoder may do as well.
+        encoders = [w.candidate for w in weighed if w.candidate.family.effect in OF_ENCODER]
+        chosen = choose(self.sized, after, traces, weigh(after, Bank(after.ground, encoders)))
+        if chosen is None:
+            return None
+        best, rivals, _ = chosen
+        return Found(best, rivals, stage.with_effects([best.candidate]), is_trace=True, is_last=True)
+
+
+def _is_told_elsewhere(stage: Stage, gain: Gain, limit: Weighed) -> bool:
+    """Whether what loads a limit's joint as well is nearly all that is left at another one.
+
+    Fitted without it, a limit takes up what it does at its joint, and leaves it contradicted there.
+    """
+    joint, rows = limit.candidate.family.joint, list(gain.candidate.member.rows)
+    elsewhere = [row for row in rows if row != joint]
+    return joint in rows and bool(np.any(stage.shares(gain)[elsewhere] > NEARLY_ALL))
+
+
+def _is_likelier_there(one: Weighed, other: Weighed) -> bool:
+    """Whether both are at the same joint, and the other explains no more than a part of what the one does."""
+    return one.candidate.family.joint == other.candidate.family.joint and other.score < AS_MUCH * one.score

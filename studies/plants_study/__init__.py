@@ -1,0 +1,1 @@
+"""Robots of independent plants drawn, diagnosed and scored."""

@@ -1,0 +1,54 @@
+"""Effects of a size that these runs do not tell, or that left-out runs do not keep, are no causes."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from diagnosis.decision.doubts import AT_ITS_BOUND, NOT_PREDICTED, UNCERTAIN, doubt, with_support
+from diagnosis.held_out.shrinkage import Kept
+from diagnosis.plausibility.accepted import Accepted
+from testbench.effects.signature import Quantity
+
+
+def _named(effect: str, **parameters: tuple[float, float]) -> Any:
+    quantities = {name: Quantity(value, std, "-") for name, (value, std) in parameters.items()}
+    return SimpleNamespace(effect=effect, parameters=quantities)
+
+
+@pytest.mark.parametrize(
+    ("named", "expected"),
+    [
+        (_named("thermal_friction_drift", drop=(0.95, 0.02), time_constant=(6.9, 1.0)), AT_ITS_BOUND),
+        (_named("thermal_friction_drift", drop=(0.31, 1.5), time_constant=(20.0, 1.0)), UNCERTAIN),
+        (_named("thermal_friction_drift", drop=(0.31, 0.05), time_constant=(20.0, 1.0)), ""),
+        (_named("torque_gain_error", relative=(-0.5, 0.01)), AT_ITS_BOUND),
+        # One of the two may be nothing.
+        (_named("joint_coupling", viscous=(0.0, 0.2), coulomb=(2.0, 0.1)), ""),
+        (_named("asymmetric_friction", offset=(1.0, 0.1), viscous_difference=(0.1, 0.5)), ""),
+    ],
+)
+def test_a_size_at_its_bound_or_less_than_its_deviation_is_doubtful(named, expected):
+    assert doubt(named) == expected
+
+
+def _taken_in(joint: int, into: int | None = None, swallowed: bool = False, event: bool = False) -> Accepted:
+    family = SimpleNamespace(effect="e", joint=joint, into=into, swallowed=swallowed)
+    candidate: Any = SimpleNamespace(family=family, is_event=event, shows=True)
+    return Accepted(candidate, 1.0, (), 10.0, 0.5, 0.1)
+
+
+def test_a_name_is_lost_where_left_out_runs_keep_nothing_of_the_effects():
+    kept = Kept(np.ones(3), np.array([0.0, 0.6, 0.0]), 1.0, 1.0)
+    items = [
+        _taken_in(0),
+        _taken_in(1),
+        _taken_in(0, into=1),
+        _taken_in(0, into=2),
+        _taken_in(2, swallowed=True),
+        _taken_in(2, event=True),
+    ]
+    found = with_support(items, kept)
+    assert [each.named for each in found] == [False, True, True, False, True, True]
+    assert [each.doubt for each in found] == [NOT_PREDICTED, "", "", NOT_PREDICTED, "", ""]

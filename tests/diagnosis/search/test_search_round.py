@@ -1,0 +1,129 @@
+"""What may be taken in at all, and what of it is certain."""
+
+from dataclasses import replace
+
+import pytest
+
+from diagnosis.data.preparation import prepare
+from diagnosis.decision.found import Found
+from diagnosis.fit.likelihood import Weighed, weigh
+from diagnosis.fit.normal_equations import Fit
+from diagnosis.fit.score import Stage
+from diagnosis.model.base_regressor import ground
+from diagnosis.model.candidates import candidates
+from diagnosis.model.gram import Bank
+from diagnosis.search.search_round import Search
+from testbench.effects import parse_injection
+
+from ...diagnosed import simulated_runs
+from ...small_arm import small_arm
+
+
+def test_what_all_runs_together_fit_as_nothing_is_not_open(tmp_path):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    # Neither can be less than nothing, so noise alone often fits them as just that.
+    bounded = Bank(stage.ground, candidates(prepared, only=["actuator_lag", "joint_elasticity"]))
+    assert any(each.gain.wald < 1e-3 for each in weigh(stage, bounded))
+    opened = Search(stage, arm, [], ()).open(stage, bounded)
+    assert all(each.gain.wald > 1 for each in opened)
+
+
+@pytest.mark.parametrize(("time_constant", "expected"), [(0.002, False), (0.012, True)])
+def test_what_is_held_at_a_bound_above_zero_is_not_open(tmp_path, time_constant, expected):
+    arm = small_arm(tmp_path)
+    lag = f"actuator_lag:elbow:law=second_order,time_constant={time_constant}"
+    prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, lag)], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    # Two like stages of 4 ms at least, though one of 2 ms would be better than none.
+    two_stages = [each for each in candidates(prepared, only=["actuator_lag"]) if each.member.law]
+    opened = Search(stage, arm, [], ()).open(stage, Bank(stage.ground, two_stages))
+    assert any(each.candidate.family.joint == 1 for each in opened) == expected
+
+
+@pytest.mark.parametrize(
+    ("is_trace", "by_all_runs", "by_folds", "shift", "expected"),
+    [
+        (True, 20.0, 15.0, 0.0, True),
+        (True, 13.0, 60.0, 0.0, True),
+        (True, 15.0, 15.0, 0.0, False),
+        (True, 20.0, 9.0, 0.0, False),
+        # Else four deviations are enough where the parameters say so too.
+        (False, 20.0, 9.0, 2.0, True),
+        (False, 20.0, 9.0, 0.0, False),
+        (False, 30.0, 9.0, 0.0, True),
+    ],
+)
+def test_what_bends_all_parameters_is_certain_where_the_runs_agree_or_the_parameters_say_so(
+    tmp_path, monkeypatch, is_trace, by_all_runs, by_folds, shift, expected
+):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    best = weigh(stage, Bank(stage.ground, candidates(prepared, only=["encoder_offset"])))[0]
+    monkeypatch.setattr(Fit, "wald", lambda *_: by_all_runs)
+    monkeypatch.setattr(Fit, "wald_by_folds", lambda *_: by_folds)
+    best = replace(best, gain=replace(best.gain, prior=stage.prior + shift))
+    found = Found(best, (), stage.with_effects([best.candidate]), is_trace)
+    assert found.is_certain(stage) == expected
+
+
+def test_a_trace_of_one_error_of_an_encoder_is_held_against_its_other(tmp_path, monkeypatch):
+    arm = small_arm(tmp_path)
+    offset = parse_injection(arm, "encoder_offset:shoulder:offset=0.03")
+    prepared = prepare(arm, simulated_runs(arm, [offset], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    names = ["encoder_offset", "encoder_eccentricity", "torque_gain_error"]
+    weighed = weigh(stage, Bank(stage.ground, candidates(prepared, only=names)))
+    own = [each for each in weighed if each.candidate.place == ("encoder_offset", 0, None)]
+    listed = []
+
+    def chosen(robot, stage, material, open_):
+        listed.extend(each.candidate.family.effect for each in open_)
+
+    monkeypatch.setattr("diagnosis.search.search_round.swallowed", lambda *_: (stage, own))
+    monkeypatch.setattr("diagnosis.search.search_round.choose", chosen)
+    assert Search(stage, arm, [], ())._trace(stage, weighed) is None
+    assert set(listed) == {"encoder_offset", "encoder_eccentricity"}
+
+
+@pytest.mark.parametrize(("limit", "expected"), [(80.0, "torque_saturation"), (60.0, "external_contact")])
+def test_a_push_is_one_where_a_limit_of_its_drive_explains_far_less(tmp_path, monkeypatch, limit, expected):
+    arm = small_arm(tmp_path)
+    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
+    stage = Stage.of(ground(prepared), [])
+    own = weigh(stage, Bank(stage.ground, candidates(prepared, only=["asymmetric_friction"])))[0]
+
+    def seen_as(name, score):
+        made = replace(own.gain.candidate, family=replace(own.gain.candidate.family, effect=name))
+        return Weighed(replace(own.gain, candidate=made), score)
+
+    pushed = Found(seen_as("external_contact", 100.0), (), stage.with_effects([own.candidate]))
+    monkeypatch.setattr(Search, "push", lambda *_: pushed)
+    monkeypatch.setattr(
+        "diagnosis.search.search_round.saturation", lambda *_: seen_as("torque_saturation", limit)
+    )
+    found = Search(stage, arm, [], ()).round(stage, [], Bank(stage.ground, []))
+    assert found is not None
+    assert found.best.candidate.family.effect == expected
+
+
+@pytest.mark.parametrize(("nearly_all", "expected"), [(0.9, "joint_coupling"), (1.1, "torque_saturation")])
+def test_a_shared_drive_that_its_other_joint_tells_is_taken_in_before_a_limit(
+    arm, monkeypatch, nearly_all, expected
+):
+    shared = parse_injection(arm, "joint_coupling:shoulder:into=elbow,viscous=0.8,coulomb=0.8")
+    prepared = prepare(arm, simulated_runs(arm, [shared], runs=3))
+    stage = Stage.of(ground(prepared), [])
+    weighed = weigh(stage, Bank(stage.ground, candidates(prepared, only=["joint_coupling"])))
+    friction = candidates(prepared, only=["asymmetric_friction"])
+    own = next(stage.gain(each) for each in friction if each.family.joint == 1)
+    limit = replace(own.candidate, family=replace(own.candidate.family, effect="torque_saturation"))
+    clipped = Weighed(replace(own, candidate=limit), 1e6)
+    monkeypatch.setattr("diagnosis.search.search_round.NEARLY_ALL", nearly_all)
+    monkeypatch.setattr("diagnosis.search.search_round.saturation", lambda *_: clipped)
+    monkeypatch.setattr(Search, "push", lambda *_: None)
+    found = Search(stage, arm, [], ()).round(stage, weighed, Bank(stage.ground, []))
+    assert found is not None
+    assert found.best.candidate.family.effect == expected
