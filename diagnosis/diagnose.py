@@ -15,7 +15,7 @@ from .correction.residual_near_rest import left_at_rest
 from .data.preparation import Prepared
 from .data.single_sine import one_sine
 from .decision.attribution import Attribution
-from .decision.doubts import ONE_SINE, doubt, with_support
+from .decision.doubts import ONE_SINE, TOO_SHORT, doubt, is_too_short, with_support
 from .decision.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
 from .decision.harmful_effects import without_misleading, without_undetermined
 from .decision.held_out_check import closed_without_a_name, names_that_hold, pushes_that_hold
@@ -144,7 +144,12 @@ def _without_doubtful(found: Attribution, kept: Kept) -> Attribution:
     sines = one_sine(found.prepared)
     by_sines = bool(sines) and sines | found.prepared.still >= set(range(found.prepared.joints))
     for index, item in enumerate(accepted):
-        if item.named and (why := ONE_SINE if by_sines else doubt(_named(found, index))):
+        if not item.named:
+            continue
+        why = ONE_SINE if by_sines else doubt(_named(found, index))
+        if is_too_short(item, found.hypothesis.has_enough_samples):
+            why = TOO_SHORT
+        if why:
             accepted[index] = replace(item, named=False, doubt=why)
     return replace(found, accepted=tuple(accepted))
 

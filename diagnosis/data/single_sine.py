@@ -1,23 +1,10 @@
-"""Joints that follow one sine: their acceleration is their position over again.
-
-Along q = q0 + a sin(w t) the acceleration is -w² (q - q0): inertia, gravity, springs and every other law of
-the position make one column. A second frequency, or another pose of the arm, tells them apart.
-"""
+"""Joints that follow one sine, along which laws of the position and inertia are collinear."""
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
-from .preparation import Prepared, Run
+from identification.single_sine import sine_frequency
 
-Array = NDArray[np.float64]
-
-# Share of a joint's squared motion that one sine may leave.
-REST = 0.01
-# Periods that a run must hold of it: part of one is any smooth move.
-PERIODS = 1.5
-# The spectrum that a frequency is first read from is this much finer than the run's own.
-FINER = 8
+from .preparation import Prepared
 
 
 def one_sine(prepared: Prepared) -> frozenset[int]:
@@ -26,25 +13,9 @@ def one_sine(prepared: Prepared) -> frozenset[int]:
     return frozenset(
         joint
         for joint in np.flatnonzero(moved.any(axis=0)).tolist()
-        if all(_rest(run, joint) < REST for run, own in zip(prepared.runs, moved, strict=True) if own[joint])
+        if all(
+            sine_frequency(run.time, run.q[:, joint]) is not None
+            for run, own in zip(prepared.runs, moved, strict=True)
+            if own[joint]
+        )
     )
-
-
-def _rest(run: Run, joint: int) -> float:
-    """Share of a joint's squared motion that its best sine leaves in one run."""
-    time, q = run.time - run.time[0], run.q[:, joint] - run.q[:, joint].mean()
-    step = float(np.median(np.diff(time)))
-    spectrum = np.abs(np.fft.rfft(q, FINER * len(q)))
-    frequency = np.fft.rfftfreq(FINER * len(q), step)
-    peak = float(frequency[int(np.argmax(spectrum))])
-    apart = 1 / (len(q) * step)
-
-    def left(hertz: float) -> float:
-        angle = 2 * np.pi * hertz * time
-        columns = np.column_stack([np.ones_like(time), np.sin(angle), np.cos(angle)])
-        rest = q - columns @ np.linalg.lstsq(columns, q, rcond=None)[0]
-        return float(rest @ rest) / float(q @ q)
-
-    bounds = (max(peak - apart, 0.1 * apart), peak + apart)
-    best = minimize_scalar(left, bounds=bounds, method="bounded")
-    return float(best.fun) if best.x >= PERIODS * apart else 1.0

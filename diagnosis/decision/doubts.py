@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from testbench.effects import effect
 
@@ -17,6 +18,7 @@ AT_BOUND = 1e-3
 NOT_PREDICTED = "fitted, but runs that were left out are predicted no better with it"
 AT_ITS_BOUND = "fitted, but at the bound of what it may be: these runs do not tell its size"
 UNCERTAIN = "fitted, but its size is less than its own standard deviation"
+TOO_SHORT = "fitted, but the runs hold too few seconds of motion of every joint that it loads"
 ONE_SINE = "fitted, but each joint follows one sine: laws of position and inertia are one along it"
 
 
@@ -40,6 +42,11 @@ def _is_unsupported(item: Accepted, kept: Kept) -> bool:
     else:
         joints = [family.joint] if family.into is None else [family.joint, family.into]
     return not kept.effects[joints].any()
+
+
+def is_too_short(item: Accepted, has_enough_samples: NDArray[np.bool_]) -> bool:
+    """Whether an effect loads only joints of too few samples. has_enough_samples: (n,) of the joints."""
+    return not has_enough_samples[list(item.candidate.member.rows)].any()
 
 
 def doubt(named: NamedEffect) -> str:

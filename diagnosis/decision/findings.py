@@ -163,7 +163,7 @@ class Diagnosis:
         """The joints that move, but of which these runs tell too little for a name, and that have none."""
         named = {joint for each in self.effects for joint in (each.joint, each.into)}
         others = named | self.prepared.silent | self.prepared.still
-        return tuple(j for j in np.flatnonzero(~self.final[0].is_told).tolist() if j not in others)
+        return tuple(j for j in np.flatnonzero(~self.final[0].has_enough_samples).tolist() if j not in others)
 
     @property
     def noise_unseen(self) -> tuple[int, ...]:

@@ -41,7 +41,7 @@ def without_undetermined(found: Attribution) -> Attribution:
     other joints' motion loads them with was never seen.
     """
     by_itself = found.prepared.by_itself
-    enough = found.hypothesis.is_told & ~by_itself
+    enough = found.hypothesis.has_enough_samples & ~by_itself
     together = np.any(found.prepared.moved.any(axis=0) & ~by_itself)
 
     def is_determined(item: Accepted) -> bool:

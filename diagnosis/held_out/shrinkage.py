@@ -97,6 +97,7 @@ def _share(before: list[Array], after: list[Array], weights: Array, together: bo
     # The error on runs left out is back where it was at twice its own best share.
     moving = power[:, 0].sum(axis=0)
     most = np.where(moving > 0, 2 * gain[:, 0].sum(axis=0) / np.maximum(moving, tiny), 0.0)
-    sure = np.where(best > error, best - error**2 / np.maximum(best, tiny), 0.0)
+    doubt = np.divide(error, best, out=np.ones_like(best), where=best > error)
+    sure = best * (1 - doubt**2)
     share = np.where(sure >= ALL, 1.0, np.where(sure <= 1 - ALL, 0.0, sure))
     return np.asarray(np.clip(np.minimum(share, most), 0.0, 1.0))

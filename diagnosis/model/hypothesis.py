@@ -81,8 +81,8 @@ class Design:
         return min(INDEPENDENT * self.prepared.thinning, 1.0) * of_each * self.counts
 
     @property
-    def is_told(self) -> NDArray[np.bool_]:
-        """Whether enough of these runs tells of each joint for anything there to have a name, (n,)."""
+    def has_enough_samples(self) -> NDArray[np.bool_]:
+        """Which joints (n,) move through enough independent samples for a cause to be reported there."""
         return self.independent >= FEWEST_INDEPENDENT
 
     @cached_property

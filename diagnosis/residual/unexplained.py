@@ -121,7 +121,7 @@ def unclaimed(first: Stage, last: Stage, free: Bank, certain: Stage | None = Non
             found[each.joint] = each
     for each in _of_nothing(first, last if certain is None else certain):
         found.setdefault(each.joint, each)
-    told = [each for each in found.values() if last.hypothesis.is_told[each.joint]]
+    told = [each for each in found.values() if last.hypothesis.has_enough_samples[each.joint]]
     return tuple(sorted(told, key=lambda item: -item.share))
 
 

@@ -2,16 +2,14 @@
 
 import numpy as np
 
+from identification.single_sine import sine_frequency
+
 from .finding import Finding, Severity
 from .samples import MOVING, Samples
 from .subject import Subject
 
 STAGE = 3
 
-# A joint is a sine where one leaves this share of its position's variance.
-ONE_SINE = 0.01
-# Frequencies that are tried about what speed and way say, as shares of that.
-ABOUT, TRIED = (0.8, 1.25), 181
 # Frequencies of joints that are one.
 SAME = 0.05
 # A joint that moves one way in all but this share of its moving samples.
@@ -89,17 +87,7 @@ def _frequency(samples: Samples, joint: int, run: int) -> float | None:
     own = samples.run == run
     if np.count_nonzero(samples.moves[own, joint]) < FEWEST:
         return None
-    time, q = samples.time[own], samples.q[own, joint]
-    centred = q - q.mean()
-    rough = 2 * np.sqrt(2 * np.mean(samples.dq[own, joint] ** 2) / np.ptp(q) ** 2) / (2 * np.pi)
-
-    def left(frequency: float) -> float:
-        angle = 2 * np.pi * frequency * time
-        x = np.column_stack([np.sin(angle), np.cos(angle), np.ones(len(time))])
-        return float(np.sum((centred - x @ np.linalg.lstsq(x, centred, rcond=None)[0]) ** 2))
-
-    best = min((rough * factor for factor in np.linspace(*ABOUT, TRIED).tolist()), key=left)
-    return best if left(best) < ONE_SINE * float(centred @ centred) else 0.0
+    return sine_frequency(samples.time[own], samples.q[own, joint]) or 0.0
 
 
 def _ways(subject: Subject, samples: Samples, moving: list[int]) -> list[Finding]:

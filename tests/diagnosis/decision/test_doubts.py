@@ -6,7 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.decision.doubts import AT_ITS_BOUND, NOT_PREDICTED, UNCERTAIN, doubt, with_support
+from diagnosis.decision.doubts import (
+    AT_ITS_BOUND,
+    NOT_PREDICTED,
+    UNCERTAIN,
+    doubt,
+    is_too_short,
+    with_support,
+)
 from diagnosis.held_out.shrinkage import Kept
 from diagnosis.plausibility.accepted import Accepted
 from testbench.effects.signature import Quantity
@@ -52,3 +59,9 @@ def test_a_name_is_lost_where_left_out_runs_keep_nothing_of_the_effects():
     found = with_support(items, kept)
     assert [each.named for each in found] == [False, True, True, False, True, True]
     assert [each.doubt for each in found] == [NOT_PREDICTED, "", "", NOT_PREDICTED, "", ""]
+
+
+@pytest.mark.parametrize(("rows", "expected"), [((0,), True), ((0, 2), True), ((0, 1, 2), False)])
+def test_an_effect_is_not_reported_where_every_joint_that_it_loads_has_too_few_samples(rows, expected):
+    item: Any = SimpleNamespace(candidate=SimpleNamespace(member=SimpleNamespace(rows=rows)))
+    assert is_too_short(item, np.array([False, True, False])) == expected
