@@ -9,6 +9,7 @@ from testbench.effects.signature import Quantity
 from testbench.findings import significant
 from testbench.robot import Robot
 
+from ..correction.corrected_mjcf import Written
 from ..decision.findings import Diagnosis, NamedEffect
 from ..held_out.differing_runs import in_words
 from ..residual.localisation import EVERYWHERE
@@ -168,6 +169,15 @@ def noise_floor(diagnosis: Diagnosis) -> str:
     """The noise floor of all joints together with its unit; a bound where some joint's noise is not seen."""
     at_most = "at most " if diagnosis.noise_unseen else ""
     return f"noise {at_most}{np.sum(diagnosis.gap.noise_floor):.3g} {torque_unit(diagnosis.robot)}"
+
+
+def corrected_file(robot: Robot, written: Written) -> str:
+    """The torque error of corrected.xml beside that of the model given and of the laws, joints summed."""
+    error = written.error
+    given, laws, file = (f"{np.sum(rms):.3g}" for rms in (error.given, error.laws, error.file))
+    lacks = f"; lacks {len(written.lacks)} things that the report lists" if written.lacks else ""
+    told = f"{given} given → {file} by corrected.xml along these runs, {laws} by the diagnosis's laws"
+    return f"{told} ({torque_unit(robot)}){lacks}"
 
 
 def noise_unseen(diagnosis: Diagnosis) -> list[str]:

@@ -44,6 +44,11 @@ def test_document_follows_the_contract(folder: Path, answer: Diagnosis) -> None:
         low, high = part["interval"]
         assert 0 <= low <= high <= 1
     assert document["not_in_mjcf"] == ["something"]
+    assert document["corrected_file"]["torque"] == {
+        "nominal": [4.0] * 3,
+        "laws": [1.0] * 3,
+        "file": [2.0] * 3,
+    }
     assert document["next_experiment"] is None
 
 
