@@ -110,6 +110,11 @@ def diagnosis_document(
             "noise_floor": _numbers(gap.noise_floor),
             # Between models that are alike to the noise there is nothing to close.
             "closed": None if diagnosis.verdict == "none" else _number(gap.closed),
+            "band": _numbers(diagnosis.prepared.cutoff),
+            "over_all_frequencies": {
+                stage: _numbers(gap.over_all(getattr(gap, stage)))
+                for stage in ("nominal", "parameters", "effects")
+            },
             "intervals": None if gap.intervals is None else _intervals(gap.intervals),
         },
         "forward": None if forward is None else _forward(forward),

@@ -96,6 +96,8 @@ def render(
                 "effects": gap.effects[joint],
                 "floor": gap.noise_floor[joint],
                 "is_bound": gap.is_bound(joint),
+                "band": diagnosis.prepared.cutoff[joint],
+                "over_all": gap.over_all(gap.effects)[joint],
             }
             for joint, (name, unit) in enumerate(zip(robot.joint_names, robot.units(), strict=True))
         ],

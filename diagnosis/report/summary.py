@@ -60,7 +60,8 @@ def summary(
     told = " → ".join(f"{np.sum(rms):.3g} {name}" for name, rms in stages)
     share = gap.told_closed
     closed = "" if share is None or not diagnosis.effects else f"; {100 * share:.0f} % closed"
-    lines.append(_line("gap", f"{told}, {words.noise_floor(diagnosis)}{closed}"))
+    over_all = words.over_all(diagnosis)
+    lines.append(_line("gap", f"{told}, {words.noise_floor(diagnosis)}{closed}{over_all}"))
     if next_experiment is not None:
         lines.append(_line("next", next_experiment.why))
     most = MOST_LINES + sum(not each.bars_names for each in diagnosis.log_findings)
