@@ -34,6 +34,7 @@ from .report.sentence import sentence_of, unclaimed_in_words
 from .residual.intervals import rms_interval
 from .residual.localisation import where
 from .residual.noise import noise
+from .residual.spectrum import above_band
 from .residual.unexplained import NOTHING
 from .search.growth import CONFUSABLE, attribute
 
@@ -185,7 +186,7 @@ def _gap(prepared: Prepared, hypothesis: Design, left: Sequence[Sequence[Array]]
     of_noise = noise(prepared)
     floor = np.minimum(of_noise.rms, np.minimum(effects, parameters))
     intervals = np.array([rms_interval(prepared, residual) for residual in left])
-    return Gap(nominal, parameters, effects, floor, intervals, ~of_noise.seen)
+    return Gap(nominal, parameters, effects, floor, intervals, ~of_noise.seen, above_band(prepared))
 
 
 def _verdict(found: Attribution, gap: Gap) -> str:

@@ -18,7 +18,7 @@ from testbench.robot import load_robot, print_notes
 from testbench.runs import by_path, logged_joints, read_runs, run_names
 
 from .correction.closed_loop_gap import forward_gap, gap_as_given
-from .correction.corrected_mjcf import write_corrected
+from .correction.corrected_mjcf import Written, write_corrected
 from .correction.prediction import DOCUMENT
 from .decision.findings import Diagnosis
 from .diagnose import diagnose
@@ -26,7 +26,14 @@ from .experiment.discriminating_motion import NextExperiment, next_experiment
 from .report.document import write_diagnosis
 
 # What is left in a folder of results.
-WRITTEN = ("corrected.xml", "diagnosis.json", "next_experiment.json", "report.html", "session.rrd")
+WRITTEN = (
+    "corrected.xml",
+    "corrected_files",
+    "diagnosis.json",
+    "next_experiment.json",
+    "report.html",
+    "session.rrd",
+)
 
 
 def diagnose_logs(
@@ -40,7 +47,7 @@ def diagnose_logs(
     payloads: Sequence[str] = (),
     map_path: Path | None = None,
     choice: Choice | None = None,
-) -> tuple[Diagnosis, NextExperiment | None]:
+) -> tuple[Diagnosis, NextExperiment | None, Written]:
     """Diagnose the logs against the model; write everything to ``out``.
 
     without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. cutoff: Hz, no
@@ -72,7 +79,7 @@ def diagnose_logs(
             except InputError as error:
                 raise by_path(error, logs) from None
         with progress.step("corrected simulator"):
-            not_in_mjcf = write_corrected(diagnosis, out / "corrected.xml")
+            written = write_corrected(diagnosis, out / "corrected.xml")
         with progress.step("closed loop and next experiment"):
             closed = aside.submit(forward_gap, diagnosis, recordings, as_given.result(), jobs)
             experiment = next_experiment(diagnosis, seed)
@@ -84,9 +91,9 @@ def diagnose_logs(
             write_session(diagnosis, out / "session.rrd", experiment)
             forward = closed.result()
         with progress.step("report"):
-            write_report(diagnosis, out / "report.html", not_in_mjcf, forward, experiment)
-            write_diagnosis(diagnosis, out / DOCUMENT, not_in_mjcf, forward, experiment)
-    return diagnosis, experiment
+            write_report(diagnosis, out / "report.html", written, forward, experiment)
+            write_diagnosis(diagnosis, out / DOCUMENT, written, forward, experiment)
+    return diagnosis, experiment, written
 
 
 def _stated(payload: str, runs: Sequence[str]) -> tuple[str, float]:

@@ -1,111 +1,149 @@
-"""Standard parameters that a real arm could have, nearest to an estimate of its base parameters.
+"""The robot that could exist and is nearest to the model given, among those of an estimate's base parameters.
 
-Every link's 4 x 4 pseudo-inertia positive definite (Wensing, Kim & Slotine 2018), armature and
-friction not negative. What the torques cannot tell is drawn to the model as given, by the entropic
-divergence tr(P0^-1 P) - log det P of Lee, Wensing & Park (2020), "Geometric robot dynamic
-identification: a convex programming approach". In the scaling P = L X L' with P0 = L L' of the model
-as given it reads tr X - log det X, and all unknowns of the semidefinite programme are near one.
+Could exist: every link's 4 x 4 pseudo-inertia positive definite (Wensing, Kim & Slotine 2018), friction not
+negative, rotors and masses of a size that the model's own make likely. Nearest: by the log-det divergence
+tr(P0^-1 P) - log det P of Lee, Wensing & Park (2020), "Geometric robot dynamic identification: a convex
+programming approach", of each pseudo-inertia P from the model's P0, and y - log y of each rotor and friction
+y in units of the model's. In the scaling P = L X L' with P0 = L L' it reads tr X - log det X. The sum is
+convex and is its own barrier, so Newton's method in a trust region finds its minimum.
 """
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag, solve_triangular
 
 from .base_parameters import BaseParameters
 from .errors import InputError
-from .estimate import Estimate
-from .parameters import INERTIAL, OFFSET, PER_JOINT, pseudo_inertia
+from .parameters import ARMATURE, INERTIAL, MASS, OFFSET, PER_JOINT, pseudo_inertia
 
 Array = NDArray[np.float64]
 
-# The prior weighs as much as a deviation of this many squared standard deviations: next to nothing.
-PRIOR_WEIGHT = 1e-3
 # Smallest eigenvalue of a pseudo-inertia, relative to that of the model as given.
-MARGIN = 1e-3
+MARGIN = 1e-2
 # A model's own pseudo-inertia is lifted to this share of its largest eigenvalue before it scales.
 NOMINAL_FLOOR = 1e-6
-# Beyond this the data need not be trusted more; it keeps the programme well scaled on exact data. Where the
-# solver gives up, they are trusted less.
-LARGEST_INFORMATION = (1e5, 1e3, 1e2, 1e1)
+# Heaviest link over the model's heaviest, and lightest rotor over the model's own.
+HEAVIEST, LIGHTEST_ROTOR = 1.5, 0.1
+# A base parameter with less than this share of its value as deviation is determined by the data.
+DETERMINED = 0.1
+# Beyond this the data need not be trusted more; it keeps the Hessian well scaled on exact data.
+LARGEST_INFORMATION = 1e4
+# The misfit's weight grows to one by this factor, from where the model itself is next to the minimum, so that
+# Newton's method always starts near; it ends where a step would gain less than this share of the cost.
+FIRST_WEIGHT, STAGES = 1e-6, 13
+CONVERGED, PASSES = 1e-9, 500
+# Step lengths of the line search; along a bound the cost falls far beyond a full step.
+LONGER, SHORTER = (2.0, 4.0), tuple(0.5**k for k in range(1, 20))
+# Where a symmetric matrix has its entries.
+ROWS, COLUMNS = np.triu_indices(4)
 
 
 def nearest_consistent(base: BaseParameters, values: Array, root_information: Array, nominal: Array) -> Array:
-    """The consistent standard vector (14 n,) that minimises |R (P theta - values)|² and a faint prior.
+    """The consistent standard vector (14 n,) nearest to the model among those with these base values.
 
-    values: (b,). root_information: (b, b), R with R'R the inverse of their covariance.
-    nominal: (14 n,) of the model as given. Where ``values`` themselves are consistent the answer has
-    exactly these base values. Links without mass in the model stay so; parameters that no base
-    parameter holds keep 0 (friction, armature) or the model's value (inertia).
-    Raises InputError when the programme has no solution.
+    values: (b,). root_information: (b, b), R with R'R the inverse of their covariance. What is least is
+    |R (P theta - values)|² / 2 + divergence; where that leads to a consistent vector of the very values, it
+    is that. No link is heavier than HEAVIEST times the model's heaviest and no rotor lighter than
+    LIGHTEST_ROTOR of the model's, unless it is a base parameter by itself that the data determine.
+    nominal: (14 n,) of the model as given. Links without mass there stay so; parameters that no base
+    parameter holds keep 0 (friction, armature) or the model's value (inertia). Raises InputError where no
+    minimum is found.
     """
-    unknowns = _unknowns(base, values, nominal)
-    matrix = root_information @ base.projection @ unknowns.basis
-    target = root_information @ (values - base.projection @ unknowns.fixed)
-    solution = _first_solved(matrix, target, unknowns)
-    # Where no constraint binds, only the prior keeps it from the values: undo that.
+    unknowns = _unknowns(base, values, root_information, nominal)
     mapping = base.projection @ unknowns.basis
-    missing = values - base.projection @ (unknowns.fixed + unknowns.basis @ solution)
-    moved = solution + np.linalg.lstsq(mapping, missing, rcond=None)[0]
-    chosen = moved if _is_consistent(moved, unknowns) else solution
+    target = values - base.projection @ unknowns.fixed
+    solution = _minimum(root_information @ mapping, root_information @ target, unknowns)
+    # Where no bound is in the way, only the divergence keeps it from the values: undo that.
+    moved = solution + np.linalg.lstsq(mapping, target - mapping @ solution, rcond=None)[0]
+    chosen = moved if np.isfinite(_divergence(moved, unknowns)) else solution
     return unknowns.fixed + unknowns.basis @ chosen
 
 
-def consistent_standard_parameters(estimate: Estimate, nominal: Array) -> Array:
-    """A consistent standard vector (14 n,) for an estimate: its own, or the nearest to its values."""
-    if estimate.standard is not None:
-        return estimate.standard
-    std = np.maximum(estimate.std, np.finfo(float).tiny)
-    correlation = estimate.covariance / np.outer(std, std)
-    root = np.linalg.cholesky(np.linalg.inv(correlation)).T / std
-    return nearest_consistent(estimate.base, estimate.values, root, nominal)
+def consistent_standard_parameters(
+    base: BaseParameters, values: Array, covariance: Array, nominal: Array
+) -> Array:
+    """The same for base values (b,) with a covariance (b, b)."""
+    std = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(std, std))
+    # Directions that the data fix beyond rounding would make the root singular.
+    least = np.finfo(float).eps * len(std) * eigenvalues[-1]
+    root = (vectors / np.sqrt(np.maximum(eigenvalues, least))).T / std
+    return nearest_consistent(base, values, root, nominal)
 
 
 @dataclass(frozen=True)
 class _Unknowns:
-    """The programme's unknowns x: theta = fixed + basis @ x.
+    """The unknowns x, and what holds them: theta = fixed + basis @ x.
 
-    The first 16 x are the entries of each free link's scaled pseudo-inertia X; then come scaled
-    joint parameters. links: how many X. signed: which of the joint parameters may be negative.
-    start: what the joint parameters are in the model as given.
+    The first 10 links x are the upper triangles of each free link's scaled pseudo-inertia X, less the margin;
+    then come scaled joint parameters. start: (d,) of the model as given. free: (d,) bool, those without sign.
+    weights: (d - 10 links,) of the joint parameters' divergence. caps: (c, d) and (c,): caps x < bounds.
     """
 
     fixed: Array
     basis: Array
     links: int
-    signed: NDArray[np.bool_]
     start: Array
+    free: NDArray[np.bool_]
+    caps: Array
+    bounds: Array
 
 
-def _unknowns(base: BaseParameters, values: Array, nominal: Array) -> _Unknowns:
+def _unknowns(base: BaseParameters, values: Array, root_information: Array, nominal: Array) -> _Unknowns:
     involved = np.any(base.projection != 0, axis=0)
+    determined = _determined(base, values, root_information)
     fixed = np.zeros_like(nominal)
-    columns: list[Array] = []
-    links, signed, start = 0, [], []
     # A scale for what the model as given has no value for.
     guess = np.linalg.lstsq(base.projection, values, rcond=None)[0]
+    blocks, columns, start, free = [], [], [], []
     for first in range(0, len(nominal), PER_JOINT):
         inertial = slice(first, first + INERTIAL)
         fixed[inertial] = nominal[inertial]
-        if np.any(involved[inertial]) and nominal[first + INERTIAL - 1] > 0:
-            fixed[inertial] = 0.0
-            block = np.zeros((len(nominal), 16))
-            block[inertial] = _from_scaled(nominal[inertial])
-            columns.append(block)
-            links += 1
+        if np.any(involved[inertial]) and nominal[first + MASS] > 0:
+            scaled = _from_scaled(nominal[inertial])
+            fixed[inertial] = MARGIN * scaled[:, ROWS == COLUMNS].sum(axis=1)
+            block = np.zeros((len(nominal), len(ROWS)))
+            block[inertial] = (1 - MARGIN) * scaled
+            blocks.append(block)
     for index in np.flatnonzero(involved):
-        if index % PER_JOINT < INERTIAL:
+        kind, given = index % PER_JOINT, nominal[index]
+        if kind < INERTIAL:
             continue
-        scale = max(abs(nominal[index]), abs(guess[index]), 1e-9)
+        if kind == ARMATURE and given > 0 and not determined[index]:
+            fixed[index] = LIGHTEST_ROTOR * given
+        scale = given - fixed[index] if given > 0 else max(abs(given), abs(guess[index]), 1e-9)
         columns.append(scale * np.eye(len(nominal))[:, [index]])
-        signed.append(index % PER_JOINT == OFFSET)
-        start.append(nominal[index] / scale)
-    return _Unknowns(fixed, np.hstack(columns), links, np.array(signed, dtype=bool), np.array(start))
+        free.append(kind == OFFSET)
+        start.append(given / scale if kind == OFFSET else 1.0)
+    basis = np.hstack([*blocks, *columns])
+    links = len(blocks)
+    masses = np.arange(MASS, len(nominal), PER_JOINT)
+    capped = masses[involved[masses] & (nominal[masses] > 0) & ~determined[masses]]
+    given = nominal[capped]
+    room = HEAVIEST * nominal[masses].max() - given
+    return _Unknowns(
+        fixed=fixed,
+        basis=basis,
+        links=links,
+        start=np.concatenate([np.tile(np.eye(4)[ROWS, COLUMNS], links), start]),
+        free=np.array(free, dtype=bool),
+        caps=basis[capped] / room[:, None],
+        bounds=1 + (given - fixed[capped]) / room,
+    )
+
+
+def _determined(base: BaseParameters, values: Array, root_information: Array) -> NDArray[np.bool_]:
+    """Which standard parameters (14 n,) are base parameters by themselves that the data determine."""
+    rows = np.linalg.pinv(base.projection)
+    alone = np.isclose(np.einsum("pb,bp->p", rows, base.projection), 1.0, atol=1e-6)
+    std = np.linalg.norm(np.linalg.lstsq(root_information.T, rows.T, rcond=None)[0], axis=0)
+    return np.asarray(alone & (std < DETERMINED * (rows @ values)))
 
 
 def _from_scaled(nominal: Array) -> Array:
-    """(10, 16): inertial parameters of the pseudo-inertia L X L', linear in X's entries."""
+    """(10, 10): inertial parameters of the pseudo-inertia L X L', linear in X's upper triangle."""
     eigenvalues, vectors = np.linalg.eigh(pseudo_inertia(nominal))
     root = vectors * np.sqrt(np.maximum(eigenvalues, NOMINAL_FLOOR * eigenvalues[-1]))
     parameters = np.zeros((INERTIAL, 4, 4))
@@ -119,58 +157,80 @@ def _from_scaled(nominal: Array) -> Array:
     for axis in range(3):
         parameters[6 + axis, axis, 3] = parameters[6 + axis, 3, axis] = 0.5
     parameters[9, 3, 3] = 1.0
-    return np.einsum("kab,ac,bd->kcd", parameters, root, root).reshape(INERTIAL, 16)
+    scaled = np.einsum("kab,ac,bd->kcd", parameters, root, root)
+    return np.where(ROWS == COLUMNS, 1.0, 2.0) * scaled[:, ROWS, COLUMNS]
 
 
-def _first_solved(matrix: Array, target: Array, unknowns: _Unknowns) -> Array:
-    """The programme's solution by as much information as the solver copes with."""
-    largest = max(float(np.linalg.norm(matrix, 2)), np.finfo(float).tiny)
-    # Where several would leave all of it, the same programme is not solved again.
-    for scale in dict.fromkeys(min(1.0, information / largest) for information in LARGEST_INFORMATION):
-        solution = _solve(scale * matrix, scale * target, unknowns)
-        if solution is not None:
-            return solution
-    raise InputError(
-        "identification",
-        "estimator",
-        "an estimate near physically consistent parameters",
-        "a semidefinite programme that has no solution",
-    )
-
-
-def _solve(matrix: Array, target: Array, unknowns: _Unknowns) -> Array | None:
-    """The semidefinite programme's solution x; None where the solver gives up."""
-    # Slow to import, and only this estimator needs it.
-    import cvxpy as cp
-
-    count, links = matrix.shape[1], unknowns.links
-    scaled = [cp.Variable((4, 4), symmetric=True) for _ in range(links)]
-    joint = cp.Variable(count - 16 * links)
-    x = cp.hstack([*(cp.vec(block, order="C") for block in scaled), joint])
-    prior = cp.sum_squares(joint - unknowns.start)
-    prior += sum(cp.trace(block) - cp.log_det(block) for block in scaled)
+def _minimum(matrix: Array, target: Array, unknowns: _Unknowns) -> Array:
+    """The x of least |matrix x - target|² / 2 and divergence."""
+    scale = min(1.0, LARGEST_INFORMATION / max(float(np.linalg.norm(matrix, 2)), np.finfo(float).tiny))
     # The triangular factor of the whole says the same in as many rows as there are unknowns.
-    upper = np.asarray(np.linalg.qr(np.column_stack([matrix, target]), mode="r"))
-    misfit = cp.sum_squares(upper[:, :-1] @ x - upper[:, -1])
-    constraints = [block >> MARGIN * np.eye(4) for block in scaled]
-    constraints.append(joint[np.flatnonzero(~unknowns.signed)] >= 0)
-    programme = cp.Problem(cp.Minimize(misfit + PRIOR_WEIGHT * prior), constraints)
-    with warnings.catch_warnings():
-        # To its reduced tolerance it is still consistent, and the prior's faint pull is what suffers.
-        warnings.filterwarnings("ignore", "Solution may be inaccurate")
-        try:
-            programme.solve(solver=cp.CLARABEL, max_threads=1)
-        except cp.SolverError:
-            return None
-    if x.value is None:
-        return None
-    # The solver meets bounds to its tolerance only.
-    joint_values = np.where(unknowns.signed, joint.value, np.maximum(joint.value, 0.0))
-    return np.concatenate([x.value[: 16 * links], joint_values])
+    upper = scale * np.asarray(np.linalg.qr(np.column_stack([matrix, target]), mode="r"))
+    x = unknowns.start
+    for weight in np.geomspace(FIRST_WEIGHT, 1.0, STAGES):
+        x = _newton(np.sqrt(weight) * upper, x, unknowns)
+    return x
 
 
-def _is_consistent(x: Array, unknowns: _Unknowns) -> bool:
-    blocks = x[: 16 * unknowns.links].reshape(-1, 4, 4)
-    blocks = 0.5 * (blocks + blocks.transpose(0, 2, 1))
-    inertial = np.linalg.eigvalsh(blocks).min(initial=np.inf) >= MARGIN
-    return bool(inertial and np.all((x[16 * unknowns.links :] >= 0) | unknowns.signed))
+def _newton(upper: Array, x: Array, unknowns: _Unknowns) -> Array:
+    """The x of least |upper (x, -1)|² / 2 and divergence, by Newton's method from within bounds."""
+    rows, right = upper[:, :-1], upper[:, -1]
+
+    def cost(at: Array) -> float:
+        return 0.5 * float(np.sum((rows @ at - right) ** 2)) + _divergence(at, unknowns)
+
+    now = cost(x)
+    for _ in range(PASSES):
+        left, (slope, curvature) = rows @ x - right, _derivatives(x, unknowns)
+        root = np.linalg.cholesky(curvature)
+        # Least squares, not the normal equations: the data's information spans many decades.
+        wanted = -np.concatenate([left, np.linalg.solve(root, slope)])
+        factor = np.asarray(np.linalg.qr(np.column_stack([np.vstack([rows, root.T]), wanted]), mode="r"))
+        step = solve_triangular(factor[:-1, :-1], factor[:-1, -1])
+        if -float(left @ (rows @ step) + slope @ step) < CONVERGED * max(1.0, now):
+            return x
+        length = next((each for each in (1.0, *SHORTER) if cost(x + each * step) < now), 0.0)
+        if length == 0.0:
+            return x
+        if length == 1.0:
+            length = min((1.0, *LONGER), key=lambda each: cost(x + each * step))
+        x = x + length * step
+        now = cost(x)
+    raise InputError("identification", "estimate", "a robot that could exist near it", "none that was found")
+
+
+def _parts(x: Array, unknowns: _Unknowns) -> tuple[Array, Array, Array]:
+    """Scaled pseudo-inertias (links, 4, 4), joint parameters, and shares of the room below the caps."""
+    count = len(ROWS) * unknowns.links
+    full = np.zeros((unknowns.links, 4, 4))
+    full[:, ROWS, COLUMNS] = full[:, COLUMNS, ROWS] = x[:count].reshape(-1, len(ROWS))
+    return full, x[count:], unknowns.bounds - unknowns.caps @ x
+
+
+def _divergence(x: Array, unknowns: _Unknowns) -> float:
+    """Divergence from the model; infinite beyond a bound."""
+    full, joint, room = _parts(x, unknowns)
+    positive = np.concatenate([joint[~unknowns.free], room])
+    eigenvalues = np.linalg.eigvalsh(full).ravel()
+    if np.any(positive <= 0) or np.any(eigenvalues <= 0):
+        return np.inf
+    from_start = (x - unknowns.start)[-len(joint) :][unknowns.free] if len(joint) else joint
+    each = np.concatenate([positive, eigenvalues])
+    return float(np.sum(each - np.log(each)) + 0.5 * np.sum(from_start**2))
+
+
+def _derivatives(x: Array, unknowns: _Unknowns) -> tuple[Array, Array]:
+    """Gradient (d,) and Hessian (d, d) of the divergence."""
+    full, joint, room = _parts(x, unknowns)
+    inverse = np.linalg.inv(full)
+    twice = np.where(ROWS == COLUMNS, 1.0, 2.0)
+    of_links = twice * (np.eye(4) - inverse)[:, ROWS, COLUMNS]
+    # tr(X^-1 E_k X^-1 E_l) of the symmetric units E_k.
+    one = inverse[:, ROWS[:, None], ROWS] * inverse[:, COLUMNS[:, None], COLUMNS]
+    other = inverse[:, ROWS[:, None], COLUMNS] * inverse[:, COLUMNS[:, None], ROWS]
+    bent = 0.5 * twice[:, None] * twice * (one + other)
+    safe = np.where(unknowns.free, 1.0, joint)
+    of_joints = np.where(unknowns.free, joint - unknowns.start[of_links.size :], 1 - 1 / safe)
+    caps = unknowns.caps
+    slope = np.concatenate([of_links.ravel(), of_joints]) - caps.T @ (1 - 1 / room)
+    return slope, block_diag(*bent, np.diag(safe**-2)) + (caps.T * room**-2) @ caps

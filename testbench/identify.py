@@ -7,6 +7,7 @@ from pathlib import Path
 from identification.errors import InputError
 from identification.filtering import require_cutoff
 from identification.observations import POSITION_BAND
+from identification.physical_consistency import consistent_standard_parameters
 from identification.pipeline import IdentificationOptions, identify
 from recordings.checks import require_sound
 
@@ -65,10 +66,12 @@ def identify_logs(
     write_estimate(result, out / "estimate.json")
     write_report(result, out / "report.html")
     if identified_model is not None:
-        # The semidefinite programme's library takes seconds to load.
-        from identification.physical_consistency import consistent_standard_parameters
-
-        standard = consistent_standard_parameters(result.estimate, robot.parameters)
+        found = result.estimate
+        standard = found.standard
+        if standard is None:
+            standard = consistent_standard_parameters(
+                found.base, found.values, found.covariance, robot.parameters
+            )
         write_model(robot, standard, identified_model)
     print_summary(result)
     return result

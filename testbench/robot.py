@@ -83,7 +83,8 @@ def load_robot(path: str | Path, choice: Choice | None = None, logged: Sequence[
     Joint limits come from ``range`` and ``actuatorfrcrange`` (or the ``ctrlrange``/``forcerange``
     of a motor on the joint), rated speeds from a URDF's ``<limit velocity>``. What neither format has a
     field for comes from ``<custom><numeric name="velocity_limit" data="..."/>`` and ``acceleration_limit``,
-    rad/s and rad/s², one value a joint. Raises InputError, also for forces that would be ignored.
+    rad/s and rad/s², one value a joint. Forces that identification does not know are left out of a corrected
+    simulator, with a note; any other model that has some is refused. Raises InputError.
     """
     path = Path(path)
     require_file(path, "model", "an existing MJCF or URDF file")
@@ -98,12 +99,12 @@ def load_robot(path: str | Path, choice: Choice | None = None, logged: Sequence[
     model = read.model
     try:
         chain, parameters = chain_from_model(model)
-        _require_known_forces(model)
+        notes = read.notes + _forces_left_out(model)
         limits = model_limits(model, read.rated)
     except InputError as error:
         raise error.located(path) from None
     name = model.names[: model.names.index(b"\0")].decode() or path.stem
-    return Robot(name, source, model, chain, parameters, limits, read.notes)
+    return Robot(name, source, model, chain, parameters, limits, notes)
 
 
 def print_notes(robot: Robot) -> None:
@@ -112,16 +113,19 @@ def print_notes(robot: Robot) -> None:
         print(f"{robot.path.name}: {note}")
 
 
-def _require_known_forces(model: mujoco.MjModel) -> None:
-    """Raise InputError for a model with forces that nothing here reckons with."""
+def _forces_left_out(model: mujoco.MjModel) -> tuple[str, ...]:
+    """A sentence on the forces of a corrected simulator that nothing here reckons with; none for none.
+
+    Raises InputError for a model of which diagnose has not written them.
+    """
     found = unmodelled_forces(model)
     if not found:
-        return
+        return ()
     got = ", ".join(found[:NAMED_FORCES])
     if len(found) > NAMED_FORCES:
         got += f" and {len(found) - NAMED_FORCES} more"
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, EFFECTS_WRITTEN) >= 0:
-        raise InputError("model", "forces", "the model that this corrected simulator was made from", got)
+        return (f"a corrected simulator: its {got} act in MuJoCo and are left out here",)
     expected = "rigid bodies with joint springs, armature, damping, frictionloss and gravity"
     raise InputError("model", "forces", expected, f"{got}; take it out of the model, simulate has --effect")
 

@@ -14,6 +14,7 @@ from diagnosis.held_out.shrinkage import everything
 from diagnosis.model.candidates import Candidate, candidate
 from diagnosis.model.hypothesis import design
 from diagnosis.residual.localisation import where
+from diagnosis.residual.spectrum import above_band
 from identification.excitation.design import DesignOptions, random_excitation
 from identification.parameters import PER_JOINT
 from studies.blind.outside import OUTSIDE
@@ -92,6 +93,7 @@ def diagnosed(
         parameters=rms(only_fit.held_out),
         effects=rms(final_fit.held_out),
         noise_floor=0.9 * rms(final_fit.held_out),
+        above=above_band(prepared),
     )
     ranked = [RankedCandidate(e.effect, e.joint, e.into, e.probability, 240.0) for e in effects]
     ranked += [

@@ -33,6 +33,11 @@ ODD = """
   </worldbody>
 </mujoco>
 """
+# One pixel.
+PICTURE = bytes.fromhex(
+    "89504e470d0a1a0a0000000d4948445200000001000000010802000000907753de0000000c49444154789c63686868000003"
+    "0401814bd3d2100000000049454e44ae426082"
+)
 TWO_IN_ONE = """
 <mujoco><worldbody><body>
   <joint axis="1 0 0"/><joint axis="0 1 0"/><geom size=".1"/>
@@ -66,7 +71,7 @@ def test_written_parameters_come_back(name, models, tmp_path):
     assert again.limits.torque == pytest.approx(robot.limits.torque, rel=1e-5)
 
 
-def test_meshes_are_found_from_another_folder(tmp_path):
+def _with_a_mesh(tmp_path):
     meshes = tmp_path / "assets"
     meshes.mkdir()
     corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
@@ -75,10 +80,44 @@ def test_meshes_are_found_from_another_folder(tmp_path):
     (meshes / "fin.obj").write_text("\n".join(lines))
     text = ARM.replace('<mesh name="fin" vertex="0 0 0  .2 0 0  0 .2 0  0 0 .2"/>', '<mesh file="fin.obj"/>')
     text = text.replace('angle="radian"', 'angle="radian" meshdir="assets"')
-    robot = load_robot(_model(tmp_path, text))
+    return load_robot(_model(tmp_path, text))
+
+
+def test_a_written_model_takes_its_meshes_along(tmp_path):
+    robot = _with_a_mesh(tmp_path)
     written = tmp_path / "far" / "away" / "identified.xml"
     write_model(robot, robot.parameters, written)
-    assert load_robot(written).model.nmesh == 1
+    (tmp_path / "assets" / "fin.obj").unlink()
+    written.parent.rename(tmp_path / "moved")
+    moved = tmp_path / "moved" / "identified.xml"
+    again = load_robot(moved)
+    assert again.model.nmesh == 1
+    # A model that was written once is written again with the same file.
+    write_model(again, again.parameters, tmp_path / "third" / "identified.xml")
+    names = [
+        sorted(each.name for each in (tmp_path / folder / "identified_files").iterdir())
+        for folder in ("moved", "third")
+    ]
+    assert names[0] == names[1]
+
+
+def test_a_model_that_is_not_written_leaves_no_files(tmp_path):
+    robot = _with_a_mesh(tmp_path)
+    impossible = robot.parameters.copy()
+    impossible[:6] *= -1
+    with pytest.raises(InputError, match="parameters that MuJoCo accepts"):
+        write_model(robot, impossible, tmp_path / "out" / "identified.xml")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_picture_from_elsewhere_is_not_carried_off(tmp_path):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "private.png").write_bytes(PICTURE)
+    texture = '<asset><texture name="skin" type="2d" file="../private.png"/>'
+    robot = load_robot(_model(tmp_path / "in", ARM.replace("<asset>", texture)))
+    with pytest.raises(InputError, match="texture file: expected a file below the model's folder"):
+        write_model(robot, robot.parameters, tmp_path / "out" / "identified.xml")
+    assert list(tmp_path.glob("out/*")) == []
 
 
 def test_what_mujoco_refuses_is_not_written(tmp_path):

@@ -1,6 +1,7 @@
 """Forces of a model that nothing reckons with are told when it is loaded, not passed over."""
 
 import mujoco
+import numpy as np
 import pytest
 
 from identification.errors import InputError
@@ -83,14 +84,14 @@ def test_a_model_with_such_a_force_is_refused_in_one_line(tmp_path):
     )
 
 
-def test_a_simulator_with_effects_is_no_model(tmp_path):
+def test_a_simulator_with_effects_is_a_model_without_them_and_says_so(tmp_path):
     arm = small_arm(tmp_path)
     spring = parse_injection(arm, "gravity_spring:shoulder:stiffness=2,phase=0.3")
     write_effects(arm, [spring], tmp_path / "corrected.xml")
-    with pytest.raises(
-        InputError, match="the model that this corrected simulator was made from, got cogging 2"
-    ):
-        load_robot(tmp_path / "corrected.xml")
+    again = load_robot(tmp_path / "corrected.xml")
+    np.testing.assert_allclose(again.parameters, arm.parameters, atol=1e-12)
+    spring_left_out = "its cogging 2 of actuator shoulder_spring act in MuJoCo and are left out here"
+    assert again.notes == (f"a corrected simulator: {spring_left_out}",)
 
 
 def test_a_simulator_whose_effects_are_no_forces_is_a_model(tmp_path):

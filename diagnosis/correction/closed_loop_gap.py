@@ -12,7 +12,6 @@ from scipy.interpolate import CubicSpline
 
 from identification.errors import InputError
 from identification.filtering import edge_samples, zero_phase_lowpass
-from identification.parameters import OFFSET, PER_JOINT
 from testbench.effects.base import Injection
 from testbench.log import Recording
 from testbench.robot import Robot
@@ -21,8 +20,7 @@ from testbench.simulation.controller import KINDS
 
 from ..data.preparation import filter_cutoff
 from ..decision.findings import Diagnosis
-from .corrected_mjcf import consistent, corrections, robot_with
-from .corrected_model import corrected_model
+from .corrected_mjcf import corrected_simulator, reidentified_simulator, robot_with
 
 Array = NDArray[np.float64]
 
@@ -134,20 +132,11 @@ def _tells_its_loop(recording: Recording) -> bool:
 
 def _stage(diagnosis: Diagnosis, stage: str, folder: Path) -> tuple[Robot, tuple[Injection, ...]]:
     """The robot to simulate at a stage after the first, and what is injected into it."""
-    if stage == "parameters":
-        standard = corrected_model(diagnosis).parameters
-        robot = robot_with(
-            diagnosis.robot, consistent(diagnosis.robot, standard, *diagnosis.parameters_only), folder
-        )
-        offsets = standard.reshape(-1, PER_JOINT)[:, OFFSET]
-        constant = [{"offset": float(offset), "viscous_difference": 0.0} for offset in offsets]
-        return robot, tuple(
-            Injection("asymmetric_friction", joint, values) for joint, values in enumerate(constant)
-        )
-    standard = consistent(diagnosis.robot, diagnosis.parameters, *diagnosis.final)
+    of_stage = reidentified_simulator if stage == "parameters" else corrected_simulator
+    simulator = of_stage(diagnosis)
     # A contact is an event of one run, not of the robot.
-    lasting = tuple(each for each in corrections(diagnosis) if each.effect != "external_contact")
-    return robot_with(diagnosis.robot, standard, folder), lasting
+    lasting = tuple(each for each in simulator.effects if each.effect != "external_contact")
+    return robot_with(diagnosis.robot, simulator.standard, folder), lasting
 
 
 def _simulated(

@@ -1,8 +1,12 @@
-"""The corrected simulator: the model as given, re-identified, with every named effect written into it."""
+"""The corrected simulator: the model as given, re-identified, with every named effect written into it.
+
+Of what was fitted it has as much as left-out runs keep of all joints at once, since one set of parameters and
+one law an effect must do for all. Its links and rotors are those of a robot that could exist.
+"""
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +14,8 @@ from numpy.typing import NDArray
 
 from identification.base_parameters import base_parameters
 from identification.errors import InputError
-from identification.parameters import ARMATURE, GROUPS, INERTIAL, OFFSET, PER_JOINT, pseudo_inertia
-from identification.physical_consistency import nearest_consistent
+from identification.parameters import GROUPS, OFFSET, PER_JOINT, VISCOUS
+from identification.physical_consistency import consistent_standard_parameters
 from testbench.effects import effect
 from testbench.effects.base import Injection
 from testbench.effects.mjcf_form import write_effects
@@ -20,52 +24,81 @@ from testbench.robot import Robot, load_robot
 
 from ..decision.findings import Diagnosis, NamedEffect
 from ..fit.normal_equations import Fit
+from ..model.candidates import Candidate
 from ..model.hypothesis import Design
+from ..plausibility.accepted import COUPLING
 from .corrected_model import corrected_model
+from .file_error import FileError, file_error
 
 Array = NDArray[np.float64]
 
-# Smallest eigenvalue of a pseudo-inertia as a share of its largest, for a model that MuJoCo takes.
-SMALLEST_EIGENVALUE = 1e-9
 # An offset that is not this many standard deviations from zero is not worth a place in the model.
 OFFSET_DEVIATIONS = 3.0
 # MuJoCo's largest, of a constraint whose solimpfriction is not set.
 IMPEDANCE = 0.95
 AXES = ("x", "y", "z")
+# What a file has that inverse dynamics cannot tell of: more joints, and torque that comes later.
+UNCOUNTED = ("actuator_lag", "backlash", "joint_elasticity", "torque_delay")
 
 
-def write_corrected(diagnosis: Diagnosis, path: str | Path) -> tuple[str, ...]:
-    """Write corrected.xml, whole or not at all; the sentences say what it cannot carry.
+@dataclass(frozen=True)
+class Simulator:
+    """A corrected simulator: standard parameters (14 n,) of a robot that could exist, and its effects."""
 
-    Parameters that no real arm could have are replaced by the nearest that one could. Raises InputError
-    for a model that cannot carry the parameters.
+    standard: Array
+    effects: tuple[Injection, ...]
+
+
+@dataclass(frozen=True)
+class Written:
+    """A corrected.xml that was written. lacks: sentences on what it cannot carry. error: along the logs."""
+
+    lacks: tuple[str, ...]
+    error: FileError
+
+
+def write_corrected(diagnosis: Diagnosis, path: str | Path) -> Written:
+    """Write corrected.xml, whole or not at all, with the files that it refers to beside it.
+
+    Raises InputError for a model that cannot carry the parameters.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    standard = consistent(diagnosis.robot, diagnosis.parameters, *diagnosis.final)
-    wanted = corrections(diagnosis)
+    wanted = corrected_simulator(diagnosis)
     with tempfile.TemporaryDirectory(prefix=".corrected", dir=path.parent) as folder:
-        robot = robot_with(diagnosis.robot, standard, Path(folder))
-        kept, refused = _written(robot, wanted, path)
-    model = corrected_model(diagnosis)
+        robot = robot_with(diagnosis.robot, wanted.standard, Path(folder))
+        carried, refused = _written(robot, wanted.effects, path)
+    lacks = carried + refused + _lacking(diagnosis)
+    if uncounted := sorted({each.effect for each in wanted.effects} & set(UNCOUNTED)):
+        lacks += (f"its torque error takes no account of {', '.join(uncounted)}, which MuJoCo runs in time",)
+    return Written(lacks, file_error(diagnosis, path))
+
+
+def _lacking(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Sentences on what of the diagnosis is no effect that an MJCF could have."""
+    model, said = corrected_model(diagnosis), []
     late = model.lag.seconds + model.final_timing
     if abs(late) >= 0.5 * diagnosis.prepared.sample_time:
         when = f"{1e3 * abs(late):.2g} ms {'late' if late > 0 else 'early'}"
-        kept += (
-            f"the logged torque is {when} against the positions: this belongs to the log, not to the robot",
+        said.append(
+            f"the logged torque is {when} against the positions: this belongs to the log, not to the robot"
         )
     for joint in np.flatnonzero(model.coulomb_smoothing).tolist():
         width, name = model.coulomb_smoothing[joint], model.chain.joint_names[joint]
         unit = "m/s" if model.chain.is_slide[joint] else "rad/s"
         law = f"fc tanh(v / {width:.2g} {unit})"
-        kept += (f"friction of {name} is soft near rest, {law}; MuJoCo's frictionloss jumps",)
+        said.append(f"friction of {name} is soft near rest, {law}; MuJoCo's frictionloss jumps")
     if model.coulomb_lead > 0:
         constant = 2 * model.coulomb_lead / IMPEDANCE
-        kept += (
+        said.append(
             f"friction changes sign {1e3 * model.coulomb_lead:.1f} ms ahead of the joints: "
-            f'frictionloss does with solreffriction="{constant:.2g} 1", which the file leaves as given',
+            f'frictionloss does with solreffriction="{constant:.2g} 1", which the file leaves as given'
         )
-    return kept + refused
+    named = [each.candidate for each in diagnosis.effects]
+    unnamed = {each.place for each in diagnosis.final[0].accepted if not _is_one_of(each, named)}
+    if unnamed and diagnosis.kept.effects.any():
+        said.append(f"what was fitted and has no name ({len(unnamed)}), which predictions include")
+    return tuple(said)
 
 
 def _written(
@@ -87,25 +120,87 @@ def _written(
         return write_effects(robot, kept, path), tuple(refused)
 
 
-def corrections(diagnosis: Diagnosis) -> tuple[Injection, ...]:
-    """Every named effect and every offset of the final fit as injections, strongest effect first."""
-    hypothesis, fitted = diagnosis.final
-    offsets = diagnosis.parameters.reshape(-1, PER_JOINT)[:, OFFSET]
-    std = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))[OFFSET : hypothesis.parameters - 1 : PER_JOINT]
-    wanted = []
-    left = {int(joint) for joint in np.flatnonzero(np.abs(offsets) > OFFSET_DEVIATIONS * std)}
-    for injection in (injection_of(each) for each in diagnosis.effects):
+def reidentified_simulator(diagnosis: Diagnosis) -> Simulator:
+    """The model with re-identified parameters and offsets, and no effects."""
+    model = corrected_model(diagnosis)
+    standard = model.nominal + model.kept.parameters_whole * (model.parameters - model.nominal)
+    return _simulator(diagnosis.robot, standard, diagnosis.parameters_only, ())
+
+
+def corrected_simulator(diagnosis: Diagnosis) -> Simulator:
+    """The model with the effects that have a name and the parameters beside them; re-identified for none."""
+    model, kept = corrected_model(diagnosis), diagnosis.kept
+    if not diagnosis.effects or kept.effects_whole == 0:
+        return reidentified_simulator(diagnosis)
+    parameters = model.nominal + kept.parameters_whole * (model.parameters - model.nominal)
+    standard = parameters + kept.effects_whole * (model.final - parameters)
+    named = tuple(injection_of(_shrunk(diagnosis, each)) for each in diagnosis.effects)
+    return _simulator(diagnosis.robot, _beside(standard, named), diagnosis.final, named)
+
+
+def _simulator(
+    robot: Robot, standard: Array, by: tuple[Design, Fit], effects: tuple[Injection, ...]
+) -> Simulator:
+    """The nearest simulator that could exist. by: what the standard parameters (14 n,) were estimated by."""
+    hypothesis, fitted = by
+    base = base_parameters(robot.chain, tuple(GROUPS))
+    count = hypothesis.timing
+    covariance = base.projection @ fitted.covariance[:count, :count] @ base.projection.T
+    nearest = consistent_standard_parameters(base, base.values(standard), covariance, robot.parameters)
+    offsets = nearest.reshape(-1, PER_JOINT)[:, OFFSET]
+    std = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))[OFFSET:count:PER_JOINT]
+    return Simulator(nearest, _with_offsets(effects, offsets, np.abs(offsets) > OFFSET_DEVIATIONS * std))
+
+
+def _beside(standard: Array, effects: Sequence[Injection]) -> Array:
+    """Standard parameters (14 n,) without what effects have of them: a coupling's law damps both joints."""
+    table = standard.reshape(-1, PER_JOINT).copy()
+    for injection in effects:
+        for joint in (injection.joint, injection.into) if injection.effect == COUPLING else ():
+            assert joint is not None
+            table[joint, VISCOUS] = max(table[joint, VISCOUS] - injection.values["viscous"], 0.0)
+    return table.ravel()
+
+
+def _with_offsets(
+    effects: Sequence[Injection], offsets: Array, worth: NDArray[np.bool_]
+) -> tuple[Injection, ...]:
+    """The effects, strongest first, and each joint's offset that is worth a place, (n,) N·m."""
+    wanted, left = [], set(np.flatnonzero(worth).tolist())
+    for injection in effects:
         # A constant torque is what the two directions' friction differ by.
         if injection.effect == "asymmetric_friction" and injection.joint in left:
             left.remove(injection.joint)
             values = injection.values
             total = values["offset"] + float(offsets[injection.joint])
-            injection = replace(injection, values=values | {"offset": total})
-        wanted.append(injection)
+            wanted.append(replace(injection, values=values | {"offset": total}))
+        else:
+            wanted.append(injection)
     for joint in sorted(left):
         values = {"offset": float(offsets[joint]), "viscous_difference": 0.0}
         wanted.append(Injection("asymmetric_friction", joint, values))
     return tuple(wanted)
+
+
+def _shrunk(diagnosis: Diagnosis, named: NamedEffect) -> NamedEffect:
+    """The effect with as much of its torque as is kept of all joints at once."""
+    share, (hypothesis, fitted) = diagnosis.kept.effects_whole, diagnosis.final
+    if share == 1:
+        return named
+    own = next(
+        part
+        for each, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
+        if _is_one_of(each, [named.candidate])
+    )
+    size = len(fitted.values[own]) + len(named.candidate.family.refine)
+    parameters = named.candidate.family.parameters(
+        named.candidate.member, share * fitted.values[own], np.zeros((size, size))
+    )
+    return replace(named, parameters=parameters)
+
+
+def _is_one_of(candidate: Candidate, others: Sequence[Candidate]) -> bool:
+    return any(each.place == candidate.place and each.member is candidate.member for each in others)
 
 
 def injection_of(named: NamedEffect) -> Injection:
@@ -138,38 +233,3 @@ def robot_with(robot: Robot, standard: Array, folder: Path) -> Robot:
     path = folder / f"{robot.path.stem}.xml"
     write_model(robot, standard, path)
     return replace(load_robot(path), name=robot.name)
-
-
-def consistent(robot: Robot, standard: Array, hypothesis: Design, fitted: Fit) -> Array:
-    """Standard parameters (14 n,) that a real arm could have: those given, or the nearest in base values.
-
-    hypothesis, fitted: what they were estimated by; its covariance says what is near.
-    """
-    if _is_consistent(robot, standard):
-        return standard
-    base = base_parameters(robot.chain, tuple(GROUPS))
-    count = hypothesis.parameters - 1
-    covariance = base.projection @ fitted.covariance[:count, :count] @ base.projection.T
-    values = base.values(standard)
-    std = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
-    correlation = covariance / np.outer(std, std)
-    eigenvalues, vectors = np.linalg.eigh(correlation)
-    # Directions that the data fix beyond rounding would make the root singular.
-    root = (vectors / np.sqrt(np.maximum(eigenvalues, SMALLEST_EIGENVALUE * eigenvalues[-1]))).T / std
-    return nearest_consistent(base, values, root, robot.parameters)
-
-
-def _is_consistent(robot: Robot, standard: Array) -> bool:
-    """Whether every link that has mass has a positive definite pseudo-inertia, and nothing is negative."""
-    table, nominal = standard.reshape(-1, PER_JOINT), robot.parameters.reshape(-1, PER_JOINT)
-    if np.any(table[:, ARMATURE:OFFSET] < 0):
-        return False
-    for link, given in zip(table[:, :INERTIAL], nominal[:, :INERTIAL], strict=True):
-        if given[-1] == 0:
-            if np.any(link != 0):
-                return False
-            continue
-        eigenvalues = np.linalg.eigvalsh(pseudo_inertia(link))
-        if eigenvalues[0] <= SMALLEST_EIGENVALUE * eigenvalues[-1]:
-            return False
-    return True

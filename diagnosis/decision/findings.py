@@ -70,7 +70,8 @@ class Gap:
 
     Of what was fitted, as far as it is kept: each is at most the one before it.
     noise_floor: what noise alone would leave. intervals: (3, 2, n) 90 % of the first three, or None. unseen:
-    (n,) joints whose noise is not seen, so that the floor is a bound; None for none.
+    (n,) joints whose noise is not seen, so that the floor is a bound; None for none. above: (n,) N·m (N), RMS
+    of the logged torque above each joint's band, which no prediction has.
     """
 
     nominal: Array
@@ -79,6 +80,11 @@ class Gap:
     noise_floor: Array
     intervals: Array | None = None
     unseen: NDArray[np.bool_] | None = None
+    above: Array | None = None
+
+    def over_all(self, in_band: Array) -> Array:
+        """An error (n,) over all frequencies: what the band leaves and what is above it do not correlate."""
+        return in_band if self.above is None else np.hypot(in_band, self.above)
 
     def is_bound(self, joint: int) -> bool:
         """Whether noise leaves at most the floor of this joint."""

@@ -2,7 +2,6 @@
 
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,9 @@ from testbench.files import replacing
 from testbench.torque_lag import TorqueLag
 
 from ..correction.closed_loop_gap import ForwardGap
+from ..correction.corrected_mjcf import Written
 from ..correction.corrected_model import corrected_model, correction_document
+from ..correction.file_error import FileError
 from ..decision.findings import Diagnosis, NamedEffect
 from ..experiment.discriminating_motion import NextExperiment
 from ..residual.shares import RegimeShare
@@ -25,16 +26,16 @@ FORMAT, VERSION = "gap-diagnosis", 1
 def write_diagnosis(
     diagnosis: Diagnosis,
     path: str | Path,
-    not_in_mjcf: Sequence[str] = (),
+    written: Written | None = None,
     forward: ForwardGap | None = None,
     next_experiment: NextExperiment | None = None,
 ) -> None:
     """Write diagnosis.json, whole or not at all. What is unknown, or not finite, is null.
 
-    not_in_mjcf: what corrected.xml cannot carry, in sentences. forward: the gap of the simulator run
-    in closed loop. next_experiment: what to record next.
+    written: corrected.xml. forward: the gap of the simulator run in closed loop. next_experiment: what to
+    record next.
     """
-    document = diagnosis_document(diagnosis, not_in_mjcf, forward, next_experiment)
+    document = diagnosis_document(diagnosis, written, forward, next_experiment)
     text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
@@ -42,7 +43,7 @@ def write_diagnosis(
 
 def diagnosis_document(
     diagnosis: Diagnosis,
-    not_in_mjcf: Sequence[str] = (),
+    written: Written | None = None,
     forward: ForwardGap | None = None,
     next_experiment: NextExperiment | None = None,
 ) -> dict[str, Any]:
@@ -109,11 +110,17 @@ def diagnosis_document(
             "noise_floor": _numbers(gap.noise_floor),
             # Between models that are alike to the noise there is nothing to close.
             "closed": None if diagnosis.verdict == "none" else _number(gap.closed),
+            "band": _numbers(diagnosis.prepared.cutoff),
+            "over_all_frequencies": {
+                stage: _numbers(gap.over_all(getattr(gap, stage)))
+                for stage in ("nominal", "parameters", "effects")
+            },
             "intervals": None if gap.intervals is None else _intervals(gap.intervals),
         },
         "forward": None if forward is None else _forward(forward),
         "next_experiment": None if next_experiment is None else _experiment(next_experiment),
-        "not_in_mjcf": list(not_in_mjcf),
+        "not_in_mjcf": [] if written is None else list(written.lacks),
+        "corrected_file": None if written is None else _file_error(written.error),
         "notes": list(diagnosis.notes),
         "differences": [
             {
@@ -184,6 +191,12 @@ def _forward(forward: ForwardGap) -> dict[str, Any]:
         "torque": {stage: _numbers(values) for stage, values in forward.torque.items()},
         "failed": dict(forward.failed),
     }
+
+
+def _file_error(error: FileError) -> dict[str, Any]:
+    """Torque error a joint along these runs: by the model given, the diagnosis's laws, corrected.xml."""
+    stages = {"nominal": error.given, "laws": error.laws, "file": error.file}
+    return {"torque": {stage: _numbers(values) for stage, values in stages.items()}}
 
 
 def _experiment(experiment: NextExperiment) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """report.html of a diagnosis: one page that needs nothing but a browser."""
 
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -9,8 +8,11 @@ from plotly.offline import get_plotlyjs
 
 from testbench.files import replacing
 from testbench.report.page import Tile, page_environment, plot
+from testbench.robot import Robot
 
 from ..correction.closed_loop_gap import ForwardGap
+from ..correction.corrected_mjcf import Written
+from ..correction.file_error import FileError
 from ..decision.findings import Diagnosis
 from ..experiment.discriminating_motion import NextExperiment
 from . import figures, heat_map, signature, words
@@ -19,13 +21,13 @@ from . import figures, heat_map, signature, words
 def write_report(
     diagnosis: Diagnosis,
     path: str | Path,
-    not_in_mjcf: Sequence[str] = (),
+    written: Written | None = None,
     forward: ForwardGap | None = None,
     next_experiment: NextExperiment | None = None,
 ) -> None:
     """Write report.html, whole or not at all. Two pages of one diagnosis differ in the time stamp only."""
     created = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    text = render(diagnosis, created, not_in_mjcf, forward, next_experiment)
+    text = render(diagnosis, created, written, forward, next_experiment)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
@@ -33,7 +35,7 @@ def write_report(
 def render(
     diagnosis: Diagnosis,
     created: str,
-    not_in_mjcf: Sequence[str] = (),
+    written: Written | None = None,
     forward: ForwardGap | None = None,
     next_experiment: NextExperiment | None = None,
 ) -> str:
@@ -94,6 +96,8 @@ def render(
                 "effects": gap.effects[joint],
                 "floor": gap.noise_floor[joint],
                 "is_bound": gap.is_bound(joint),
+                "band": diagnosis.prepared.cutoff[joint],
+                "over_all": gap.over_all(gap.effects)[joint],
             }
             for joint, (name, unit) in enumerate(zip(robot.joint_names, robot.units(), strict=True))
         ],
@@ -114,7 +118,8 @@ def render(
         experiment=next_experiment,
         unknown=diagnosis.verdict == "unknown",
         barred=diagnosis.barred is not None,
-        not_in_mjcf=list(not_in_mjcf),
+        not_in_mjcf=[] if written is None else list(written.lacks),
+        of_file=[] if written is None else _of_file(robot, written.error),
         notes=[
             *diagnosis.notes,
             *words.untold(diagnosis),
@@ -126,6 +131,13 @@ def render(
         ],
         plotly=Markup(get_plotlyjs()),
     )
+
+
+def _of_file(robot: Robot, error: FileError) -> list[dict[str, object]]:
+    """Rows of the table of corrected.xml's torque error."""
+    columns = (robot.joint_names, robot.units(), error.given, error.laws, error.file)
+    names = ("name", "unit", "given", "laws", "file")
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def _tiles(diagnosis: Diagnosis) -> list[Tile]:

@@ -6,6 +6,7 @@ from rich.text import Text
 from testbench.summary import finding_line
 from testbench.terminal import console
 
+from ..correction.corrected_mjcf import Written
 from ..decision.findings import Diagnosis
 from ..experiment.discriminating_motion import NextExperiment
 from . import words
@@ -13,13 +14,17 @@ from . import words
 MOST_LINES, MOST_EFFECTS, MOST_RIVALS = 10, 3, 2
 
 
-def print_summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None) -> None:
+def print_summary(
+    diagnosis: Diagnosis, next_experiment: NextExperiment | None = None, written: Written | None = None
+) -> None:
     """Print the summary on standard output, 110 columns wide where that is not a terminal."""
-    console().print(summary(diagnosis, next_experiment), soft_wrap=True)
+    console().print(summary(diagnosis, next_experiment, written), soft_wrap=True)
 
 
-def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None) -> Text:
-    """Verdict, where, which, how far and what next, at most ten lines."""
+def summary(
+    diagnosis: Diagnosis, next_experiment: NextExperiment | None = None, written: Written | None = None
+) -> Text:
+    """Verdict, where, which, how far and what next, at most ten lines; one more of corrected.xml."""
     robot, gap = diagnosis.robot, diagnosis.gap
     lines = [Text(diagnosis.sentence, style="bold")]
     lines += [finding_line(each) for each in diagnosis.log_findings if not each.bars_names]
@@ -55,11 +60,15 @@ def summary(diagnosis: Diagnosis, next_experiment: NextExperiment | None = None)
     told = " → ".join(f"{np.sum(rms):.3g} {name}" for name, rms in stages)
     share = gap.told_closed
     closed = "" if share is None or not diagnosis.effects else f"; {100 * share:.0f} % closed"
-    lines.append(_line("gap", f"{told}, {words.noise_floor(diagnosis)}{closed}"))
+    over_all = words.over_all(diagnosis)
+    lines.append(_line("gap", f"{told}, {words.noise_floor(diagnosis)}{closed}{over_all}"))
     if next_experiment is not None:
         lines.append(_line("next", next_experiment.why))
     most = MOST_LINES + sum(not each.bars_names for each in diagnosis.log_findings)
-    return Text("\n").join(lines[:most])
+    lines = lines[:most]
+    if written is not None:
+        lines.append(_line("file", words.corrected_file(robot, written)))
+    return Text("\n").join(lines)
 
 
 def _line(label: str, text: str) -> Text:

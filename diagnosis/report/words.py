@@ -9,6 +9,7 @@ from testbench.effects.signature import Quantity
 from testbench.findings import significant
 from testbench.robot import Robot
 
+from ..correction.corrected_mjcf import Written
 from ..decision.findings import Diagnosis, NamedEffect
 from ..held_out.differing_runs import in_words
 from ..residual.localisation import EVERYWHERE
@@ -168,6 +169,27 @@ def noise_floor(diagnosis: Diagnosis) -> str:
     """The noise floor of all joints together with its unit; a bound where some joint's noise is not seen."""
     at_most = "at most " if diagnosis.noise_unseen else ""
     return f"noise {at_most}{np.sum(diagnosis.gap.noise_floor):.3g} {torque_unit(diagnosis.robot)}"
+
+
+def over_all(diagnosis: Diagnosis) -> str:
+    """The gap of all joints over all frequencies, for the end of a line on that in the band."""
+    gap = diagnosis.gap
+    if gap.above is None:
+        return ""
+    stages = (gap.nominal, gap.parameters, gap.effects)
+    told = " → ".join(f"{np.sum(gap.over_all(rms)):.3g}" for rms in stages)
+    band = sorted({significant(each, 2) for each in diagnosis.prepared.cutoff.tolist()}, key=float)
+    below = band[0] if len(band) == 1 else f"{band[0]} to {band[-1]}"
+    return f"; that is below {below} Hz, over all frequencies {told}"
+
+
+def corrected_file(robot: Robot, written: Written) -> str:
+    """The torque error of corrected.xml beside that of the model given and of the laws, joints summed."""
+    error = written.error
+    given, laws, file = (f"{np.sum(rms):.3g}" for rms in (error.given, error.laws, error.file))
+    lacks = "; the report lists what the file lacks" if written.lacks else ""
+    told = f"{given} given → {file} by corrected.xml along these runs, {laws} by the diagnosis's laws"
+    return f"{told} ({torque_unit(robot)}){lacks}"
 
 
 def noise_unseen(diagnosis: Diagnosis) -> list[str]:

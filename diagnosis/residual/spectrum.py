@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
-from ..data.preparation import Run
+from ..data.preparation import Prepared, Run
 from .intervals import drawn_sums, interval
 from .shares import RegimeShare
 
@@ -33,6 +33,16 @@ BY_CHANCE = 20
 # What is slow lies below the last of these edges that leaves noise a fourth beyond it.
 MOST_OF_WHITE = 0.75
 SMALLEST = 1e-300
+
+
+def above_band(prepared: Prepared) -> Array:
+    """RMS (n,) N·m (N) of the logged torque above each joint's band, over the samples that count."""
+    squares, counts = np.zeros(prepared.joints), np.zeros(prepared.joints)
+    for run in prepared.runs:
+        above = run.logged.tau[run.kept] - run.filtered(run.logged.tau, range(prepared.joints))
+        squares += np.sum(np.where(run.used, above, 0.0) ** 2, axis=0)
+        counts += run.used.sum(axis=0)
+    return np.sqrt(squares / np.maximum(counts, 1))
 
 
 def band_shares(

@@ -6,17 +6,17 @@ form, it changes nothing and the sentence says why. The control of a joint's mot
 N·m at the joint, that the drive reports.
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 
 from identification.errors import InputError
 
-from ..files import replacing
+from ..model_file import write_mjcf
 from ..robot import EFFECTS_WRITTEN, Robot
 from ..unmodelled_forces import unmodelled_forces
 from .base import Injection
@@ -29,16 +29,9 @@ def write_effects(robot: Robot, injections: Sequence[Injection], out: str | Path
     """
     out = Path(out)
     spec, sentences = effects_spec(robot, injections)
-    # Files that the model refers to are found from its own folder.
-    home = robot.path.resolve().parent
-    for folder in ("meshdir", "texturedir"):
-        found = home / getattr(spec, folder)
-        if _refers_to_files(spec):
-            setattr(spec, folder, os.path.relpath(found, out.resolve().parent))
     spec.compiler.savecompiled = False
-    text = _compiled(spec, robot, out.resolve().parent).to_xml()
-    with replacing(out) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    text = _compiled(spec, robot).to_xml()
+    write_mjcf(ElementTree.fromstring(text), robot, out, "effects that MJCF can carry together")
     return sentences
 
 
@@ -89,16 +82,9 @@ def file_angle(spec: Any, robot: Robot, joint: int, value: float) -> float:
     return float(np.rad2deg(value))
 
 
-def _refers_to_files(spec: Any) -> bool:
-    """Whether some mesh, texture or height field is read from a file, and is not written in the model."""
-    files = [asset.file for asset in (*spec.meshes, *spec.textures, *spec.hfields)]
-    return any(files) or any(any(texture.cubefiles) for texture in spec.textures)
-
-
-def _compiled(spec: Any, robot: Robot, folder: Path) -> Any:
-    """The spec, once it is sure that MuJoCo compiles it from that folder; it says which forces it has."""
+def _compiled(spec: Any, robot: Robot) -> Any:
+    """The spec, once it is sure that MuJoCo compiles it; it says which forces it has."""
     try:
-        spec.modelfiledir = str(folder)
         forces = unmodelled_forces(spec.compile())
         if forces and spec.text(EFFECTS_WRITTEN) is None:
             spec.add_text(name=EFFECTS_WRITTEN, data=", ".join(forces))

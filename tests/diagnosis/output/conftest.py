@@ -2,8 +2,11 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from diagnosis.correction.corrected_mjcf import Written
+from diagnosis.correction.file_error import FileError
 from diagnosis.decision.findings import Diagnosis
 from diagnosis.report.document import write_diagnosis
 from testbench.effects import injection
@@ -12,6 +15,8 @@ from testbench.robot import Robot, load_robot
 
 from ...diagnosed import diagnosed, in_closed_loop, simulated_runs
 from .arm import ARM, LIFT
+
+WRITTEN = Written(("something",), FileError(np.full(3, 4.0), np.full(3, 1.0), np.full(3, 2.0)))
 
 
 @pytest.fixture(scope="package")
@@ -37,6 +42,6 @@ def answer(robot: Robot, runs: dict[str, Recording]) -> Diagnosis:
 @pytest.fixture(scope="package")
 def folder(answer: Diagnosis, runs: dict[str, Recording], tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("diagnosis")
-    write_diagnosis(answer, out / "diagnosis.json", ("something",), in_closed_loop(answer, runs))
+    write_diagnosis(answer, out / "diagnosis.json", WRITTEN, in_closed_loop(answer, runs))
     write_log(runs["run_3"], out / "unseen.h5")
     return out

@@ -9,9 +9,11 @@ import pytest
 
 from diagnosis.correction.corrected_model import Term, corrected_model, correction_document, read_correction
 from diagnosis.correction.prediction import logged_motion, predict, term_torque
-from diagnosis.decision.findings import Diagnosis
+from diagnosis.data.preparation import prepare
+from diagnosis.decision.findings import Diagnosis, Gap
 from diagnosis.job import diagnose_logs
 from diagnosis.report.document import write_diagnosis
+from diagnosis.residual.spectrum import above_band
 from identification.errors import InputError
 from testbench.log import CHANNELS, Recording, read_log, write_log
 from testbench.robot import Robot
@@ -33,6 +35,8 @@ def test_document_follows_the_contract(folder: Path, answer: Diagnosis) -> None:
     assert probabilities == sorted(probabilities, reverse=True)
     gap = document["gap"]
     assert gap["joint_names"] == ["turn", "lift", "reach"]
+    assert all(0 < each <= 20 for each in gap["band"])
+    assert gap["over_all_frequencies"]["effects"] == answer.gap.over_all(answer.gap.effects).tolist()
     assert gap["unit"] == "N·m (N for a slide joint)"
     summed = {stage: sum(gap[stage]) for stage in ("parameters", "effects", "noise_floor")}
     closed = (summed["parameters"] - summed["effects"]) / (summed["parameters"] - summed["noise_floor"])
@@ -44,7 +48,25 @@ def test_document_follows_the_contract(folder: Path, answer: Diagnosis) -> None:
         low, high = part["interval"]
         assert 0 <= low <= high <= 1
     assert document["not_in_mjcf"] == ["something"]
+    assert document["corrected_file"]["torque"] == {
+        "nominal": [4.0] * 3,
+        "laws": [1.0] * 3,
+        "file": [2.0] * 3,
+    }
     assert document["next_experiment"] is None
+
+
+def test_over_all_frequencies_is_told_what_the_torque_has_above_the_band(
+    robot: Robot, runs: dict[str, Recording]
+) -> None:
+    run = runs["run_1"]
+    hum = 2.0 * np.sin(2 * np.pi * 100.0 * run.time)[:, None]
+    before, after = (
+        above_band(prepare(robot, {"run_1": each})) for each in (run, replace(run, torque=run.torque + hum))
+    )
+    np.testing.assert_allclose(after, np.hypot(before, 2.0 / np.sqrt(2)), rtol=0.02)
+    gap = Gap(*np.array([[9.0], [4.0], [3.0], [1.0]]), above=np.array([4.0]))
+    assert gap.over_all(gap.effects) == 5.0
 
 
 def test_coupling_names_its_second_joint(robot: Robot, runs: dict[str, Recording], tmp_path: Path) -> None:

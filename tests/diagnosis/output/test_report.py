@@ -21,10 +21,13 @@ from testbench.torque_lag import TorqueLag
 
 from ...diagnosed import diagnosed, in_closed_loop
 from ...html_page import Page
+from .conftest import WRITTEN
 
 
 def test_page_shows_every_section_without_network(answer: Diagnosis, runs: dict[str, Recording]) -> None:
-    text = render(answer, "today", ("nothing carries it",), in_closed_loop(answer, runs))
+    text = render(
+        answer, "today", replace(WRITTEN, lacks=("nothing carries it",)), in_closed_loop(answer, runs)
+    )
     page = Page(text)
     assert page.sources == []
     assert {"where", "evidence", "waterfall", "gap", "signature-0", "residual", "forward"} <= page.ids
@@ -46,6 +49,11 @@ def test_summary_is_at_most_ten_lines(answer: Diagnosis) -> None:
     lines = console.export_text().splitlines()
     assert len(lines) <= 10
     assert any("Stribeck friction, lift: 93 %" in line for line in lines)
+
+
+def test_summary_says_last_what_error_the_written_file_has(answer: Diagnosis) -> None:
+    last = summary(answer, None, WRITTEN).plain.splitlines()[-1]
+    assert "12 given → 6 by corrected.xml along these runs, 3 by the diagnosis's laws" in last
 
 
 def test_where_there_is_no_gap_nothing_is_closed_and_no_place_is_told(answer: Diagnosis) -> None:
