@@ -139,7 +139,7 @@ def _patience(command: str) -> Iterator[None]:
     """Raise _StoppedError in what is within after PATIENCE of the processor's time."""
 
     def stop(*_: object) -> None:
-        raise _StoppedError(command, f"over {PATIENCE:.0f} s")
+        raise _StoppedError(command, f"over {PATIENCE:g} s of the processor")
 
     before = signal.signal(signal.SIGPROF, stop)
     signal.setitimer(signal.ITIMER_PROF, PATIENCE)

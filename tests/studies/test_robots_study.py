@@ -52,7 +52,7 @@ def test_a_command_that_takes_too_long_is_ended_and_said(
     monkeypatch.setattr("studies.robots.judge.main", main)
     monkeypatch.setattr("studies.robots.judge.PATIENCE", 0.05)
     outcome = judge(tmp_path / "arm.urdf", "arm.urdf", tmp_path / "work")
-    assert (outcome.stopped, outcome.reason) == ("excite", "over 0 s")
+    assert (outcome.stopped, outcome.reason) == ("excite", "over 0.05 s of the processor")
 
 
 def test_the_table_says_which_work_and_why_others_do_not() -> None:
