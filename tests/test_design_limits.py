@@ -98,6 +98,12 @@ def test_a_design_keeps_a_urdfs_rated_speeds_and_prints_peaks_beside_limits(
     assert row[2:7:2] == ["0.7", "–", "40"]
 
 
+def test_a_range_without_an_end_is_none(tmp_path: Path) -> None:
+    limit = '<limit lower="-1e16" upper="1e+16" '
+    robot = _robot(tmp_path, URDF.replace('<limit lower="-1" upper="2" ', limit))
+    assert robot.limits.upper[0] == np.inf
+
+
 def test_what_a_model_does_not_rate_is_cautious_or_as_asked_and_said(tmp_path: Path) -> None:
     robot = _robot(tmp_path, URDF.replace('velocity=".7"', "").replace('effort="40"', ""))
     found = design_limits(robot)
