@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from identification.chain import Chain
 from identification.errors import InputError
-from identification.excitation.random_motion import CENTRE_SHARE
 from identification.kinematics import cross, kernel
 from identification.regressor import in_blocks
 
@@ -28,9 +27,9 @@ Indices = NDArray[np.int64]
 
 # Distances are exact up to this much, m, beyond the required one; a pair further apart gets that.
 REACH = 0.15
-# Random configurations where motions have their centres, and the quantile of a pair's distances there that
-# counts as how far apart it can be: links that overlap but at the ends of a range are no pair to keep apart.
-CONFIGURATIONS, QUANTILE = 300, 0.9
+# Random configurations over the whole range, and the quantile of a pair's distances there that counts as how
+# far apart it can be without much ado.
+CONFIGURATIONS, QUANTILE = 500, 0.9
 WITHOUT_VOLUME = {int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)}
 
 _library = ctypes.CDLL(mujoco._functions.__file__)
@@ -107,9 +106,9 @@ def robot_clearance(robot: Robot, required: float) -> RobotClearance | None:
 def clearance_of(robot: Robot, required: float) -> tuple[RobotClearance | None, tuple[str, ...]]:
     """Clearance over the collision pairs that can be apart, and sentences on those that cannot be so far.
 
-    A pair's distances over CONFIGURATIONS say how far apart it can be, see QUANTILE. One that cannot be is
-    left out. One that cannot be twice as far apart as required is asked for half of what it can be, else
-    next to no motion would be left. Raises InputError as ``_all_pairs``.
+    A pair that touches in all of CONFIGURATIONS, as shapes do that overlap where links are joined, is left
+    out. One that is seldom twice as far apart as required is asked for half of what it can be, see QUANTILE,
+    else next to no motion would be left. Raises InputError as ``_all_pairs``.
     """
     everything = _all_pairs(robot, required)
     if everything is None:
@@ -118,19 +117,16 @@ def clearance_of(robot: Robot, required: float) -> tuple[RobotClearance | None, 
     if not np.all(np.isfinite(limits.upper - limits.lower)):
         # A slide without a range is refused by name where a motion is designed.
         return everything, ()
-    middle, half = (limits.lower + limits.upper) / 2, (limits.upper - limits.lower) / 2
-    draw = middle + CENTRE_SHARE * half * np.random.default_rng(0).uniform(
-        -1, 1, (CONFIGURATIONS, robot.joints)
-    )
-    most = np.quantile(everything.distances(draw), QUANTILE, axis=0)
-    can = (most > 0) | (required == 0)
-    own = np.minimum(required, np.maximum(most, 0) / 2)
+    generator = np.random.default_rng(0)
+    draw = generator.uniform(limits.lower, limits.upper, (CONFIGURATIONS, robot.joints))
+    distances = everything.distances(draw)
+    largest, usual = distances.max(axis=0), np.quantile(distances, QUANTILE, axis=0)
+    can = largest > 0
+    own = np.minimum(required, np.where(usual > 0, usual, largest) / 2)
     notes = []
     if not np.all(can):
-        notes.append(
-            f"in touch in nine poses of ten, so not kept apart: {listed(_where(everything.pairs, ~can))}"
-        )
-    near = can & (most < required)
+        notes.append(f"in touch in every pose, so not kept apart: {listed(_where(everything.pairs, ~can))}")
+    near = can & (usual < required)
     if np.any(near):
         names = listed(_where(everything.pairs, near))
         notes.append(f"hardly ever {required:g} m apart, so kept half as far apart as they can be: {names}")

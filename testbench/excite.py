@@ -11,7 +11,7 @@ from identification.errors import InputError
 from identification.excitation.design import DesignOptions, DesignProgress, design_excitation
 from identification.excitation.excitation import Excitation
 from identification.excitation.limits import JointLimits, require_usable, share_of
-from identification.excitation.random_motion import resting_centres
+from identification.excitation.random_motion import CONFIGURATIONS, resting_centres
 
 from .clearance import RobotClearance, clearance_of
 from .design_limits import design_limits
@@ -25,8 +25,10 @@ from .terminal import console
 
 # Collision geoms are snug: what lies between them and the exterior, and the tracking error.
 CLEARANCE = 0.03
-# Below this, m, it is not halved any more: parts may touch.
+# m, the least by default.
 SMALLEST_CLEARANCE = 2e-3
+# Share of random configurations: where fewer are clear, the robot is wedged in and has no room to move.
+ROOM = 0.01
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,8 @@ def design_room(
     """Limits and clearance of a robot's designs.
 
     limit_share: of the limits that a design uses. velocity_limit: of joints without a rated speed, rad/s
-    (m/s). clearance: m; when None CLEARANCE, or a half, a quarter, ... of it where no configuration of rest
-    is so clear. Raises InputError.
+    (m/s). clearance: m; when None CLEARANCE, or a half, a quarter, ... of it, down to SMALLEST_CLEARANCE,
+    where hardly any configuration of rest is so clear. Raises InputError.
     """
     found = design_limits(robot, velocity_limit)
     try:
@@ -59,22 +61,22 @@ def design_room(
     distance = CLEARANCE
     while True:
         pairs, notes = clearance_of(robot, distance)
-        if distance == 0 or _can_rest(robot, usable, pairs):
+        if distance / 2 < SMALLEST_CLEARANCE or _has_room(robot, usable, pairs):
             break
-        distance = distance / 2 if distance > SMALLEST_CLEARANCE else 0.0
+        distance /= 2
     if distance < CLEARANCE:
-        lowered = f"nowhere clear by {CLEARANCE:g} m: parts are kept {distance:.2g} m apart (--clearance)"
+        lowered = f"hardly ever clear by {CLEARANCE:g} m: parts are kept {distance:.2g} m apart (--clearance)"
         notes = (lowered, *notes)
     return DesignRoom(found.limits, pairs, found.assumed + notes)
 
 
-def _can_rest(robot: Robot, limits: JointLimits, clearance: RobotClearance | None) -> bool:
-    """Whether clearance leaves a configuration of rest; where torque forbids it, the design says so."""
+def _has_room(robot: Robot, limits: JointLimits, clearance: RobotClearance | None) -> bool:
+    """Whether clearance leaves configurations of rest; where torque forbids them, the design says so."""
     try:
-        resting_centres(robot.chain, robot.parameters, limits, clearance, 0)
+        centres = resting_centres(robot.chain, robot.parameters, limits, clearance, 0)
     except InputError as error:
         return not error.field.startswith("clearance")
-    return True
+    return clearance is None or len(centres) >= ROOM * CONFIGURATIONS
 
 
 def excite_model(

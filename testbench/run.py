@@ -89,7 +89,7 @@ def _robot(scenario: Scenario, path: Path) -> Robot:
                 raise InputError(path, f"identification.{field}", "a known name", repr(name), sorted(known))
     if not section.parameters:
         raise InputError(path, "identification.parameters", "at least one group", "none", GROUPS)
-    robot = load_robot(scenario.model)
+    robot = load_robot(scenario.model, scenario.choice)
     try:
         simulation_options(scenario, robot)
     except InputError as error:
@@ -105,6 +105,8 @@ def _run_plan(
         with progress.step(f"{scenario.name}: design") as step:
             follows_from = (
                 scenario.model,
+                scenario.joints,
+                scenario.fix_base,
                 scenario.seed,
                 scenario.excitation,
                 scenario.validation,

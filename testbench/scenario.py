@@ -16,6 +16,7 @@ from identification.parameters import DEFAULT_GROUPS
 
 from .containment.names import FolderName, require_free
 from .containment.shape import require_shape
+from .model_reading.reading import Choice
 from .yaml_file import read_fields
 
 # Files that a run leaves in its folder, where the variants' folders are.
@@ -167,11 +168,17 @@ class ComparisonSection(_Section):
 class Scenario(_Section):
     """A whole scenario. model: MJCF or URDF, relative to the scenario file.
 
+    joints: that move, null for all but a gripper's; the others are held still. fix_base: hold a floating
+    base. packages: folders of ROS packages by name, relative to the scenario file.
+
     variants: name to the fields that differ; each is run beside the scenario itself.
     """
 
     name: FolderName
     model: Path
+    joints: tuple[str, ...] | None = None
+    fix_base: bool = False
+    packages: dict[str, Path] = {}
     seed: Annotated[int, Field(ge=0)] = 0
     excitation: ExcitationSection = ExcitationSection()
     simulation: SimulationSection = SimulationSection()
@@ -183,6 +190,11 @@ class Scenario(_Section):
     identification: IdentificationSection = IdentificationSection()
     comparison: ComparisonSection = ComparisonSection()
 
+    @property
+    def choice(self) -> Choice:
+        """What of the model is the robot."""
+        return Choice(self.joints, self.fix_base, self.packages)
+
 
 def load_scenario(path: str | Path) -> tuple[Scenario, dict[str, Scenario]]:
     """The scenario of a YAML file, and its variants by name.
@@ -190,7 +202,7 @@ def load_scenario(path: str | Path) -> tuple[Scenario, dict[str, Scenario]]:
     Raises InputError naming the file, the field, what was expected and what came.
     """
     path = Path(path)
-    content = read_fields(path)
+    content = read_fields(path, flags=("fix_base",))
     variants = content.pop("variants", None) or {}
     if not isinstance(variants, dict) or not all(isinstance(v, dict) for v in variants.values()):
         raise InputError(path, "variants", "a mapping of names to fields", repr(variants)[:80])
@@ -220,7 +232,11 @@ def _validated(path: Path, prefix: str, content: Mapping[str, Any]) -> Scenario:
         scenario = Scenario.model_validate(content)
     except ValidationError as error:
         raise first_fault(path, Scenario, error, prefix) from None
-    update: dict[str, Any] = {"model": path.parent / scenario.model}
+    packages = {name: (path.parent / folder).resolve() for name, folder in scenario.packages.items()}
+    for name, folder in packages.items():
+        if not folder.is_dir():
+            raise InputError(path, f"{prefix}packages.{name}", "an existing folder", folder)
+    update: dict[str, Any] = {"model": path.parent / scenario.model, "packages": packages}
     recorded = scenario.comparison.recorded
     if recorded is not None:
         places = {

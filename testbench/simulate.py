@@ -15,7 +15,7 @@ from .log import Recording, write_log
 from .model_reading.reading import Choice
 from .progress import steps
 from .robot import load_robot, print_notes
-from .simulation import SimulationOptions, controller_gains, sample_reference, simulate, tracking
+from .simulation import SimulationOptions, controller_gains, held_up, sample_reference, simulate, tracking
 
 # Share of the torque limit.
 TORQUE_NOISE = 0.01
@@ -53,6 +53,7 @@ def simulate_model(
         )
     injections = tuple(parse_injection(robot, text) for text in effects)
     options = dataclasses.replace(options, effects=options.effects + injections)
+    options, faster = held_up(options, robot)
     reference = sample_reference(motion, options.controller.rate, periods)
     with steps() as progress, progress.step("simulate"):
         (recording,) = simulate(robot, [reference], options, seed=seed, threads=jobs)
@@ -65,6 +66,8 @@ def simulate_model(
     joints, rate = len(recording.joint_names), recording.sample_rate
     print(f"{out}: {len(recording.time) / rate:.3g} s of {joints} joints at {rate:g} Hz")
     gains = controller_gains(options, robot)
+    if faster:
+        print(faster)
     for line in (*gains.reduced(options.controller.bandwidth, robot.joint_names), *followed.warnings()):
         print(line)
     return recording

@@ -9,8 +9,10 @@ from .containment.yaml_text import read_bounded_yaml
 from .files import require_file
 
 
-def read_fields(path: Path, what: str = "scenario") -> dict[str, Any]:
-    """The fields of a YAML file, none of which is true or false. what: the file is, for complaints.
+def read_fields(path: Path, what: str = "scenario", flags: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The fields of a YAML file, of which ``flags`` alone may be true or false.
+
+    what: the file is, for complaints.
 
     Raises InputError for anything but a mapping, for a key that is said twice, and for true and false: they
     would count as 1 and 0.
@@ -19,7 +21,7 @@ def read_fields(path: Path, what: str = "scenario") -> dict[str, Any]:
     content = read_bounded_yaml(path, what)
     if not isinstance(content, dict):
         raise InputError(path, what, "a mapping of fields", type(content).__name__)
-    _refuse_booleans(path, "", content)
+    _refuse_booleans(path, "", {key: value for key, value in content.items() if key not in flags})
     return content
 
 

@@ -98,6 +98,12 @@ def test_a_design_keeps_a_urdfs_rated_speeds_and_prints_peaks_beside_limits(
     assert row[2:7:2] == ["0.7", "–", "40"]
 
 
+def test_a_range_without_an_end_is_none(tmp_path: Path) -> None:
+    limit = '<limit lower="-1e16" upper="1e+16" '
+    robot = _robot(tmp_path, URDF.replace('<limit lower="-1" upper="2" ', limit))
+    assert robot.limits.upper[0] == np.inf
+
+
 def test_what_a_model_does_not_rate_is_cautious_or_as_asked_and_said(tmp_path: Path) -> None:
     robot = _robot(tmp_path, URDF.replace('velocity=".7"', "").replace('effort="40"', ""))
     found = design_limits(robot)
@@ -127,12 +133,22 @@ def test_a_pair_that_is_hardly_ever_clear_is_kept_half_as_far_apart_as_it_can_be
     assert clearance_of(robot, 0.01)[1] == ()
 
 
+def test_a_pair_that_is_clear_in_few_poses_is_kept_out_of_all_others(tmp_path: Path) -> None:
+    # Clear by half a millimetre, where the elbow is stretched to within a tenth of its range.
+    robot = _robot(tmp_path, BALLS.replace('pos=".17 0 0"', 'pos=".1995 0 0"'), "arm.xml")
+    clearance, _ = clearance_of(robot, 0.01)
+    assert clearance is not None
+    assert clearance.pairs == ("upper and hand", "upper and tip")
+    stretched, bent = clearance.distances(np.array([[0, 0, 0], [0, 0.5, 0]]))[:, 0]
+    assert bent < clearance.required < stretched
+
+
 def test_a_pair_that_overlaps_is_dropped_by_name(tmp_path: Path) -> None:
     robot = _robot(tmp_path, BALLS.replace('pos=".17 0 0"', 'pos=".3 0 0"'), "arm.xml")
     clearance, notes = clearance_of(robot, 0.01)
     assert clearance is not None
     assert clearance.pairs == ("upper and tip",)
-    assert notes == ("in touch in nine poses of ten, so not kept apart: upper and hand",)
+    assert notes == ("in touch in every pose, so not kept apart: upper and hand",)
 
 
 def test_a_clearance_that_no_pose_has_is_lowered_and_said_unless_it_was_asked_for(tmp_path: Path) -> None:
@@ -141,7 +157,7 @@ def test_a_clearance_that_no_pose_has_is_lowered_and_said_unless_it_was_asked_fo
     room = design_room(robot, 0.9)
     assert room.clearance is not None
     assert room.clearance.required == CLEARANCE / 2
-    assert room.notes[-1] == "nowhere clear by 0.03 m: parts are kept 0.015 m apart (--clearance)"
+    assert room.notes[-1] == "hardly ever clear by 0.03 m: parts are kept 0.015 m apart (--clearance)"
     asked = design_room(robot, 0.9, clearance=CLEARANCE)
     with pytest.raises(InputError, match="clearance of"):
         random_excitation(robot.chain, robot.parameters, asked.limits, QUICK, asked.clearance)

@@ -23,7 +23,8 @@ from .synthetic import synthetic_result, synthetic_robot
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md")])
-SECTIONS = [name for name in Scenario.model_fields if name not in ("name", "model", "seed")]
+TOP_LEVEL = ("name", "model", "joints", "fix_base", "packages", "seed")
+SECTIONS = [name for name in Scenario.model_fields if name not in TOP_LEVEL]
 
 
 def tables(text: str) -> list[list[list[str]]]:

@@ -169,7 +169,10 @@ def test_a_mimic_gripper_of_a_urdf_is_held_within_its_range(tmp_path: Path) -> N
 def test_a_follower_that_is_held_while_its_leader_moves_is_said(tmp_path: Path) -> None:
     links = "".join(LINK.format(name, mass) for name, mass in (("a", 3), ("b", 0.5), ("c", 0.4)))
     robot = load_robot(_written(tmp_path, FINGERS.format(links=links), "arm.urdf"), Choice(("arm", "left")))
-    assert "right follows left, but is held still here" in robot.notes
+    assert (
+        "right follows left, but is held still here: left has its weight as it stands, and lacks its inertia "
+        "and friction"
+    ) in robot.notes
 
 
 LEGGED = f"""

@@ -1,6 +1,7 @@
 import pytest
 
 from identification.errors import InputError
+from testbench.model_reading.reading import Choice
 from testbench.scenario import load_scenario
 
 
@@ -27,6 +28,20 @@ def test_defaults_and_the_model_beside_the_file(scenario_file, tmp_path):
 def test_a_value_may_carry_its_unit(scenario_file):
     scenario, _ = load_scenario(scenario_file(GOOD + "excitation: {base_frequency: 0.2 Hz}\n"))
     assert scenario.excitation.base_frequency == 0.2
+
+
+def test_what_of_the_model_is_the_robot_may_be_said(scenario_file, tmp_path):
+    (tmp_path / "parts").mkdir()
+    scenario, variants = load_scenario(
+        scenario_file(
+            GOOD + "joints: [lift, fold]\nfix_base: true\npackages: {arm_description: parts}\n"
+            "variants: {one: {joints: [lift]}}\n"
+        )
+    )
+    assert scenario.choice == Choice(("lift", "fold"), True, {"arm_description": tmp_path / "parts"})
+    assert variants["one"].choice.joints == ("lift",)
+    with pytest.raises(InputError, match=r"packages.arm_description: expected an existing folder"):
+        load_scenario(scenario_file(GOOD + "packages: {arm_description: gone}\n"))
 
 
 def test_variants_change_only_what_they_name(scenario_file):

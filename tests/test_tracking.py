@@ -16,11 +16,13 @@ from testbench.simulation import (
     SensorOptions,
     SimulationOptions,
     controller_gains,
+    held_up,
     sample_reference,
     simulate,
     tracking,
 )
-from testbench.simulation.gains import LATENESS, inertia_over_range
+from testbench.simulation.gains import LATENESS, inertia_over_range, sag
+from testbench.simulation.steady import SAG, resolved
 
 from .one_line import complaint
 from .simulated_arm import ARM, ARM_MOTION, RATE, Sines, robot_from
@@ -28,12 +30,15 @@ from .simulated_arm import ARM, ARM_MOTION, RATE, Sines, robot_from
 LINK = '<inertial pos="0 0 {length}" mass="{mass}" diaginertia="{across} {across} {along}"/>'
 
 
-def light_arm(armature: float, free: str = "") -> str:
-    """Seven light links whose axes alternate, upright at zero: joints 1, 3, 5 and 7 are one line there."""
+def light_arm(armature: float, free: str = "", slim: float = 1.0) -> str:
+    """Seven light links whose axes alternate, upright at zero: joints 1, 3, 5 and 7 are one line there.
+
+    slim: inertia about it, of that across.
+    """
     body, end = "", ""
     for joint in range(7):
         mass = 1.4 / (1 + 0.4 * joint)
-        inertial = LINK.format(length=0.09, mass=mass, across=0.004 * mass, along=0.004 * mass)
+        inertial = LINK.format(length=0.09, mass=mass, across=0.004 * mass, along=slim * 0.004 * mass)
         axis, limits = ("0 0 1", free) if joint % 2 == 0 else ("0 1 0", 'range="-2.3 2.3"')
         body += (
             f'<body pos="0 0 {0.18 if joint else 0.1}">{inertial}'
@@ -74,7 +79,7 @@ def test_an_arm_without_rotors_follows_its_reference(light: Robot) -> None:
 @pytest.mark.parametrize("rate", [250.0, 1000.0])
 def test_bandwidth_gives_way_to_the_rate_and_says_so(light: Robot, rate: float) -> None:
     options = SimulationOptions(ControllerOptions(rate=rate, bandwidth=20), physics_timestep=2e-4)
-    late = 1 / (2 * np.pi * options.controller.velocity_cutoff) + 1 / rate + options.physics_timestep
+    late = 1 / (2 * np.pi * options.controller.cutoff) + 1 / rate + options.physics_timestep
     assert crossover(light, options) <= LATENESS / late
     lines = controller_gains(options, light).reduced(20, light.joint_names)
     assert lines[0].startswith("j1: bandwidth")
@@ -90,6 +95,68 @@ def test_a_heavy_joint_has_the_bandwidth_asked_for(tmp_path: Path) -> None:
     typical = np.sqrt(found.smallest * found.largest)
     np.testing.assert_allclose(found.kp, (6 * np.pi) ** 2 * typical)
     np.testing.assert_allclose(found.kd, 2 * 0.7 * 6 * np.pi * typical)
+
+
+def light_tip(damping: float) -> str:
+    """A heavy link, and one of 10 g behind a damped joint."""
+    return (
+        '<mujoco model="light"><compiler angle="radian"/><worldbody><body>'
+        '<inertial pos="0 0 .3" mass="1" diaginertia=".01 .01 .001"/>'
+        '<joint name="lift" axis="0 1 0" range="-2 2" actuatorfrcrange="-20 20"/>'
+        '<body pos="0 0 .6"><joint name="nod" axis="0 1 0" range="-2 2" actuatorfrcrange="-20 20" '
+        f'damping="{damping}"/><inertial pos="0 0 .03" mass="0.01" diaginertia="1e-6 1e-6 1e-6"/>'
+        "</body></body></worldbody></mujoco>"
+    )
+
+
+NODS = Sines((0.5, -0.4), (1, 2), 2.0)
+
+
+def test_a_loop_that_gravity_overcomes_is_made_faster_and_the_log_keeps_its_rate(light: Robot) -> None:
+    options, line = held_up(replace(NOISY, controller=ControllerOptions(bandwidth=1.0)), light)
+    limits, found = light.limits, controller_gains(options, light)
+    share, _ = sag(found.kp, light.chain, light.parameters, limits.lower, limits.upper)
+    assert share <= SAG
+    assert line.startswith(f"loop at {options.controller.rate:g} Hz")
+    assert options.logged_rate == RATE
+    reference = sample_reference(
+        Sines((0.8, -0.5, 0.7, 0.6, -0.8, 0.5, 0.9), (1, 2, 1, 2, 3, 1, 2), 4.0), options.controller.rate
+    )
+    (recording,) = simulate(light, [reference], options)
+    assert recording.sample_rate == RATE
+    assert tracking(recording, limits.torque).share.max() < 0.05
+
+
+def test_a_log_slower_than_its_loop_has_the_mean_torque_of_its_own_period(tmp_path: Path) -> None:
+    arm = robot_from(ARM, tmp_path)
+    ideal = SimulationOptions(ControllerOptions(rate=4 * RATE), physics_timestep=0.25 / RATE)
+    fast, slow = (simulate(arm, [ARM_MOTION], replace(ideal, loops_a_sample=every))[0] for every in (1, 4))
+    np.testing.assert_array_equal(slow.position, fast.position[::4])
+    # A window of four held values, centred on the sample.
+    held = fast.torque_command
+    windows = np.stack([held[4 * k - 2 : 4 * k + 2].mean(axis=0) for k in range(1, len(slow.time) - 1)])
+    np.testing.assert_allclose(slow.torque[1:-1], windows, rtol=1e-12)
+
+
+def test_damping_that_stops_a_light_link_within_a_step_is_resolved(tmp_path: Path) -> None:
+    # 0.5 N·m·s/rad on 1e-5 kg·m²: 20 µs.
+    damped = robot_from(light_tip(0.5), tmp_path)
+    options = SimulationOptions(physics_timestep=2e-4)
+    fine = resolved(options, damped)
+    assert fine.physics_timestep < 1e-5
+    assert fine.substeps * fine.physics_timestep == pytest.approx(1e-3)
+    (recording,) = simulate(damped, [sample_reference(NODS, 1000)], options)
+    assert tracking(recording, damped.limits.torque).share.max() < 0.05
+    # The loop is as stiff as its damping asks for.
+    kp, w = controller_gains(fine, damped).kp[1], 2 * np.pi * 6
+    assert kp == pytest.approx(0.5 * w / 2)
+
+
+def test_links_too_light_for_any_loop_are_refused_by_name(tmp_path: Path) -> None:
+    # Upright, nothing but their inertia about one line tells the odd joints apart.
+    rods = light_arm(0.0, slim=1e-6).replace('damping="0.2"', "")
+    with pytest.raises(InputError, match="j[1357]: expected the rotors' inertia .armature."):
+        held_up(SimulationOptions(), robot_from(rods, tmp_path))
 
 
 # Runs are judged by what they did

@@ -1,20 +1,23 @@
 """One model through the command line: excite, simulate, identify, diagnose; how far it came, and why."""
 
-import subprocess
-import sys
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from testbench.cli import main
 from testbench.files import read_json
 
-# Hz and harmonics of the designs, few for the sake of time, and seeds of two of them: one motion cannot be
-# judged by itself.
-BASE_FREQUENCY, HARMONICS, DESIGNS = 0.2, 3, (0, 1)
+# Hz, harmonics and iterations of the designs, few for the sake of time, and seeds of two of them: one motion
+# cannot be judged by itself.
+BASE_FREQUENCY, HARMONICS, ITERATIONS, DESIGNS = 0.15, 3, 20, (0, 1)
 # The effect that a robot has when it is not healthy: one that any drive can bear.
 EFFECT = "torque_gain_error:1"
-# Seconds that a command may take.
-PATIENCE = 900.0
+# Processor seconds that a command may take.
+PATIENCE = 200.0
 # Names of this probability or more are reported.
 STATED = 0.5
 COMMANDS = ("excite", "simulate", "identify", "diagnose")
@@ -58,7 +61,8 @@ def judge(model: Path, name: str, folder: Path, options: tuple[str, ...] = ()) -
             motion = folder / f"motion_{seed}.json"
             said = _run(
                 folder, "excite", "--model", model, *options, "--out", motion, "--starts", "1",
-                "--base-frequency", BASE_FREQUENCY, "--harmonics", HARMONICS, "--seed", seed,
+                "--base-frequency", BASE_FREQUENCY, "--harmonics", HARMONICS, "--iterations", ITERATIONS,
+                "--seed", seed,
             )  # fmt: skip
             document = read_json(motion)
             outcome = replace(
@@ -73,6 +77,8 @@ def judge(model: Path, name: str, folder: Path, options: tuple[str, ...] = ()) -
             "--out", folder / "identified",
         )  # fmt: skip
         outcome = replace(outcome, healthy=_names(model, healthy, folder / "healthy", options))
+        if not outcome.works:
+            return outcome
         affected = _logs(model, folder, "affected", (*options, "--effect", EFFECT))
         outcome = replace(outcome, affected=_names(model, affected, folder / "affected", options))
     except _StoppedError as error:
@@ -87,7 +93,7 @@ def _logs(model: Path, folder: Path, name: str, options: tuple[str, ...]) -> lis
         logs.append(folder / f"{name}_{seed}.h5")
         _run(
             folder, "simulate", "--model", model, *options, "--trajectory", folder / f"motion_{seed}.json",
-            "--out", logs[-1], "--seed", seed,
+            "--out", logs[-1], "--periods", 1, "--seed", seed,
         )  # fmt: skip
     return logs
 
@@ -111,13 +117,34 @@ def _speed(document: dict[str, Any]) -> float:
 
 def _run(folder: Path, command: str, *arguments: object) -> str:
     """What a command prints. Raises _StoppedError with the last line of its complaint."""
-    words = [sys.executable, "-m", "testbench", command, *map(str, arguments)]
+    out, complaint = StringIO(), StringIO()
     try:
-        done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
-    except subprocess.TimeoutExpired:
-        raise _StoppedError(command, f"over {PATIENCE:.0f} s") from None
-    if done.returncode:
-        lines = [line for line in done.stderr.splitlines() if line.strip()]
-        reason = lines[-1] if lines else f"exit status {done.returncode}"
-        raise _StoppedError(command, reason.replace(f"{folder}/", ""))
-    return done.stdout
+        with redirect_stdout(out), redirect_stderr(complaint), _patience(command):
+            main([command, *map(str, arguments)])
+    except SystemExit as end:
+        if end.code:
+            lines = [line for line in complaint.getvalue().splitlines() if line.strip()]
+            reason = lines[-1] if lines else f"exit status {end.code}"
+            raise _StoppedError(command, reason.replace(f"{folder}/", "")) from None
+    except _StoppedError:
+        raise
+    # A fault of ours, which is a result as well.
+    except Exception as error:
+        raise _StoppedError(command, f"{type(error).__name__}: {error}") from error
+    return out.getvalue()
+
+
+@contextmanager
+def _patience(command: str) -> Iterator[None]:
+    """Raise _StoppedError in what is within after PATIENCE of the processor's time."""
+
+    def stop(*_: object) -> None:
+        raise _StoppedError(command, f"over {PATIENCE:g} s of the processor")
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)

@@ -18,7 +18,8 @@ def study(models: Path, out: Path, jobs: int | None = None) -> list[Outcome]:
 
     A second call resumes from the results kept in out/results. Raises InputError where there are none.
     """
-    found = sorted(models.rglob("*.urdf"))
+    # The small ones first, so that a study that is broken off has said most.
+    found = sorted(models.rglob("*.urdf"), key=lambda path: (path.stat().st_size, path))
     if not found:
         raise InputError(models, "models", "a folder with URDF files in it", "none")
     cases = {str(path.relative_to(models)).replace("/", "__"): path for path in found}
@@ -26,6 +27,7 @@ def study(models: Path, out: Path, jobs: int | None = None) -> list[Outcome]:
     outcomes = [
         Outcome(**row | {key: tuple(row[key]) for key in ("notes", "healthy", "affected")}) for row in rows
     ]
+    outcomes.sort(key=lambda each: each.model)
     with replacing(out / "robots.md") as temporary:
         temporary.write_text(table(outcomes), encoding="utf-8")
     works = [each for each in outcomes if each.works]

@@ -31,6 +31,7 @@ def excite(
     harmonics: Annotated[int, Parameter(help="harmonics of the series, or segments of a quintic")] = 5,
     base_frequency: Annotated[float, Parameter(help="Hz; the motion repeats at this rate")] = 0.1,
     starts: Annotated[int, Parameter(help="seeded restarts")] = 3,
+    iterations: Annotated[int, Parameter(help="of the optimiser, at most, a start")] = 100,
     limit_share: Annotated[float, Parameter(help="share of the model's limits to use, 0 to 1")] = 0.9,
     velocity_limit: Annotated[
         float | None,
@@ -54,6 +55,7 @@ def excite(
         harmonics=harmonics,
         base_frequency=base_frequency,
         starts=starts,
+        iterations=iterations,
         limit_share=limit_share,
         seed=seed,
     )

@@ -1,4 +1,4 @@
-"""The standing judges: how the diagnosis does on recordings of real robots and on independent plants."""
+"""The standing judges: recordings of real robots, independent simulated plants, published models."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,7 +7,10 @@ from cyclopts import App, Parameter
 
 from .options import Processes, Seed, at_least
 
-app = App(name="study", help="The standing judges: recordings of real robots, independent simulated plants.")
+app = App(
+    name="study",
+    help="The standing judges: recordings of real robots, independent simulated plants, published models.",
+)
 
 
 @app.command(name="recordings")

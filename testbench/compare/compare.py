@@ -100,7 +100,7 @@ def _cases(question: str, chosen: Sequence[str], levels: dict[str, Scenario]) ->
 
 def _motions(scenario: Scenario, fitted: bool) -> dict[str, Trajectory]:
     """The motion to validate on, and the one that all cases fit where they share it."""
-    robot = load_robot(scenario.model)
+    robot = load_robot(scenario.model, scenario.choice)
     section = scenario.excitation
     shared: dict[str, Any] = {
         "groups": scenario.identification.parameters,

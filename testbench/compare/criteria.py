@@ -55,7 +55,7 @@ def seeds_of(scenario: Scenario, choice: str) -> range:
 
 def run(case: Case) -> Row:
     """One start of one choice, or every criterion's cost alone."""
-    scenario, robot = scenario_of(case), robot_of(case.files["model"])
+    scenario, robot = scenario_of(case), robot_of(case)
     options = DesignOptions(
         trajectory=scenario.excitation.trajectory,
         harmonics=scenario.excitation.harmonics,

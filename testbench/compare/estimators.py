@@ -52,7 +52,7 @@ def _run_recorded(case: Case) -> Row:
     settings = case.settings
     preprocessing = Preprocessing(settings["cutoff"], "rloess", settings["dead_zone"])
     options = IdentificationOptions(case.choice, tuple(GROUPS), preprocessing)
-    robot = robot_of(case.files["model"])
+    robot = robot_of(case)
     logs = {"fit": fit}, {"validation": validation}
     result, seconds = timed(lambda: identify_recordings(robot, *logs, options))
     row: Row = {"seconds": seconds}

@@ -22,6 +22,7 @@ from ..closed_loop import recorded_loops
 from ..comparison import cramer_rao
 from ..log import Recording
 from ..model_error import ModelError, nominal_parameters
+from ..model_reading.reading import Choice
 from ..robot import Robot, load_robot
 from ..run import simulation_options, torque_noise_std
 from ..sampling import motion
@@ -57,10 +58,19 @@ class Experiment:
         return float(np.median(deviation[known] / np.abs(self.truth[known])))
 
 
+def robot_of(case: Case) -> Robot:
+    """The robot of a case, read once a process."""
+    choice = scenario_of(case).choice
+    packages = tuple((name, str(folder)) for name, folder in choice.packages.items())
+    return _robot(case.files["model"], choice.joints, choice.fix_base, packages)
+
+
 @cache
-def robot_of(path: str) -> Robot:
-    """The robot of a model file, read once a process."""
-    return load_robot(Path(path))
+def _robot(
+    path: str, joints: tuple[str, ...] | None, fix_base: bool, packages: tuple[tuple[str, str], ...]
+) -> Robot:
+    folders = {name: Path(folder) for name, folder in packages}
+    return load_robot(Path(path), Choice(joints, fix_base, folders))
 
 
 def scenario_of(case: Case) -> Scenario:
@@ -75,7 +85,7 @@ def described(scenario: Scenario) -> dict[str, Any]:
 
 def experiment(case: Case, fitted: Trajectory, validation: Trajectory) -> Experiment:
     """Simulate ``fitted`` with the noise of the case's seed and write its identification problem."""
-    scenario, robot = scenario_of(case), robot_of(case.files["model"])
+    scenario, robot = scenario_of(case), robot_of(case)
     noise, wrong = np.random.SeedSequence((scenario.seed, case.seed)).spawn(2)
     nominal = robot
     if scenario.model_error.scale > 0:

@@ -19,7 +19,7 @@ def choices() -> tuple[str, ...]:
 
 def run(case: Case) -> Row:
     """One design of one kind, from one start, and the identification along it."""
-    scenario, robot = scenario_of(case), robot_of(case.files["model"])
+    scenario, robot = scenario_of(case), robot_of(case)
     section = scenario.excitation
     options = DesignOptions(
         trajectory=case.choice,

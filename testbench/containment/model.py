@@ -9,6 +9,7 @@ import numpy as np
 
 from identification.errors import InputError
 
+from ..model_reading.assets import compiled_mjcf
 from .child import contained
 
 EXPECTED = "XML that MuJoCo loads"
@@ -64,7 +65,7 @@ def require_readable(path: Path) -> None:
 def _compiled(path: Path) -> Any:
     try:
         _leave_no_log_file()
-        return mujoco.MjModel.from_xml_path(str(path))
+        return compiled_mjcf(path)[1]
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(path, "model", EXPECTED, str(error)) from None
 

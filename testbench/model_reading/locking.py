@@ -68,7 +68,8 @@ def _notes(model: Any, selection: Selection, out: set[int], where: str) -> tuple
     for follower, leader in _followers(model):
         if leader in selection.kept and follower not in selection.kept:
             pair = joint_label(model, follower), joint_label(model, leader)
-            notes.append(f"{pair[0]} follows {pair[1]}, but is held still here")
+            cost = f"{pair[1]} has its weight as it stands, and lacks its inertia and friction"
+            notes.append(f"{pair[0]} follows {pair[1]}, but is held still here: {cost}")
     return tuple(notes)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
+from .assets import compiled_mjcf
 from .limits import VELOCITY, rated_by_numerics, write_numerics
 from .locking import lock
 from .selection import joint_label, select
@@ -96,8 +97,8 @@ def _whole(source: Source) -> tuple[Any, Any, Urdf | None, tuple[str, ...]]:
     """The whole file: MjSpec, MjModel, what a URDF has beside, and sentences."""
     root = xml_root(source.path)
     if root is None or root.tag != "robot":
-        spec = mujoco.MjSpec.from_file(str(source.path))
-        return spec, spec.compile(), None, ()
+        spec, model, notes = compiled_mjcf(source.path)
+        return spec, model, None, notes
     try:
         urdf = read_urdf(root, source.path, source.choice.packages)
     except InputError as error:

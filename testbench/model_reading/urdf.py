@@ -32,6 +32,8 @@ ONCE = {
 LEAST = "1e-12"
 # rad/s (m/s): what no drive of an arm or a leg does; such numbers fill a field that must not be empty.
 NO_RATING = 100.0
+# rad (m): a joint that may go so far has no range, whatever its field holds.
+NO_RANGE = 1e3
 MOVING = ("revolute", "continuous", "prismatic")
 
 
@@ -74,7 +76,7 @@ def read_urdf(root: ElementTree.Element, path: Path, packages: Mapping[str, Path
     repeated = _drop_repeated(root)
     if repeated:
         notes.append(f"given twice, the first counts: {listed(repeated)}")
-    _drop_what_mujoco_warns_of(root)
+    _drop_what_is_none(root)
     impossible = [link.get("name", "") for link in root.iterfind("link") if mend_inertia(link)]
     if impossible:
         notes.append(
@@ -137,15 +139,28 @@ def _drop_repeated(root: ElementTree.Element) -> list[str]:
     return names
 
 
-def _drop_what_mujoco_warns_of(root: ElementTree.Element) -> None:
-    """Take out mimics among joints that do not move, and ranges of no width, which MuJoCo ignores as well."""
+def _drop_what_is_none(root: ElementTree.Element) -> None:
+    """Take out mimics among joints that do not move, ranges of no width and ranges without an end."""
     moving = {joint.get("name") for joint in root.iterfind("joint") if joint.get("type") in MOVING}
     for joint in root.iterfind("joint"):
         mimic, limit = joint.find("mimic"), joint.find("limit")
         if mimic is not None and not {joint.get("name"), mimic.get("joint")} <= moving:
             joint.remove(mimic)
-        if limit is not None and limit.get("lower") is not None and limit.get("lower") == limit.get("upper"):
+        if limit is not None and (_no_width(limit) or _endless(limit)):
             del limit.attrib["lower"], limit.attrib["upper"]
+
+
+def _no_width(limit: ElementTree.Element) -> bool:
+    return limit.get("lower") is not None and limit.get("lower") == limit.get("upper")
+
+
+def _endless(limit: ElementTree.Element) -> bool:
+    """Whether a range is so large that it is none."""
+    try:
+        return min(-float(limit.get("lower", "nan")), float(limit.get("upper", "nan"))) >= NO_RANGE
+    # What MuJoCo says of it is more to the point.
+    except ValueError:
+        return False
 
 
 def _compiler(root: ElementTree.Element) -> ElementTree.Element:

@@ -1,9 +1,11 @@
 """The simulated robot: MuJoCo under a torque-level controller, with exact Coulomb friction and sensors."""
 
 from .controller import ControllerOptions
+from .options import SimulationOptions
 from .reference import Reference, sample_reference
-from .run import SimulationOptions, controller_gains, simulate
+from .run import simulate
 from .sensors import SensorOptions
+from .steady import controller_gains, held_up
 from .tracking import tracking
 
 __all__ = [
@@ -12,6 +14,7 @@ __all__ = [
     "SensorOptions",
     "SimulationOptions",
     "controller_gains",
+    "held_up",
     "sample_reference",
     "simulate",
     "tracking",

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 KINDS = ("pd_with_model_feedforward", "pd")
 # The servo of the model's position actuators, and the kind by which its logs tell of it.
 MODEL, POSITION_SERVO = "model", "position_servo"
+# Hz: of the velocity's low-pass, and of the loop up to which it holds.
+VELOCITY_CUTOFF, USUAL_RATE = 80.0, 1000.0
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,8 @@ class ControllerOptions:
     kind: pd_with_model_feedforward, pd, or model (kp and kv of the model's position actuators, which damp
     the speed itself: kp (q_ref - q) - kv dq). rate: Hz. kp, kd: N·m/rad and N·m·s/rad (N/m, N·s/m), a
     scalar or one a joint; None: from the model by ``bandwidth`` (Hz) and ``damping_ratio``.
-    velocity_cutoff: Hz, of the low-pass on the measured velocity. coulomb_smoothing: rad/s (m/s),
-    width of tanh in the feedforward's Coulomb friction.
+    velocity_cutoff: Hz, of the low-pass on the measured velocity; None: VELOCITY_CUTOFF, or of a faster
+    loop as much more. coulomb_smoothing: rad/s (m/s), width of tanh in the feedforward's Coulomb friction.
     """
 
     kind: str = KINDS[0]
@@ -44,7 +46,7 @@ class ControllerOptions:
     kd: ArrayLike | None = None
     bandwidth: float = 6.0
     damping_ratio: float = 1.0
-    velocity_cutoff: float = 80.0
+    velocity_cutoff: float | None = None
     coulomb_smoothing: float = 0.05
 
     def __post_init__(self) -> None:
@@ -53,8 +55,17 @@ class ControllerOptions:
             raise InputError("simulation", "controller kind", "a controller", repr(self.kind), known)
         for field in ("rate", "bandwidth", "damping_ratio", "velocity_cutoff", "coulomb_smoothing"):
             value = getattr(self, field)
+            if field == "velocity_cutoff" and value is None:
+                continue
             if not (np.isfinite(value) and value > 0):
                 raise InputError("simulation", f"controller {field}", "a positive number", value)
+
+    @property
+    def cutoff(self) -> float:
+        """Cutoff of the velocity's low-pass, Hz."""
+        if self.velocity_cutoff is not None:
+            return self.velocity_cutoff
+        return VELOCITY_CUTOFF * max(1.0, self.rate / USUAL_RATE)
 
     @property
     def logged_kind(self) -> str:
@@ -105,4 +116,4 @@ def pd_command(
 
 def velocity_pole(options: ControllerOptions) -> float:
     """Pole of the low-pass on the measured velocity."""
-    return float(np.exp(-2 * np.pi * options.velocity_cutoff / options.rate))
+    return float(np.exp(-2 * np.pi * options.cutoff / options.rate))

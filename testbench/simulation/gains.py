@@ -4,7 +4,8 @@ At a bandwidth w (rad/s) with damping ratio zeta a joint of inertia I has kp = w
 I is the geometric mean of the largest and the smallest inertia that the joint feels. Where it is lighter the
 velocity loop is faster by as much: along each eigenvector of M(q)^-1 diag(kd) it crosses over at the
 eigenvalue. What the loop is late by (velocity filter, half a period of difference and half of hold, physics
-step) bounds that crossover in the worst pose; a joint beyond it gets a lower bandwidth.
+step) bounds that crossover in the worst pose; a joint beyond it gets a lower bandwidth. A joint that damps
+itself by more than kd, D, gets the kp that goes with that: w D / (2 zeta).
 """
 
 from collections.abc import Sequence
@@ -18,7 +19,8 @@ from scipy.stats import qmc
 
 from identification.chain import Chain
 from identification.errors import InputError
-from identification.inverse_dynamics import mass_matrices
+from identification.inverse_dynamics import inverse_dynamics, mass_matrices
+from identification.parameters import PER_JOINT, VISCOUS
 
 from .controller import ControllerOptions
 from .sensors import per_joint
@@ -31,6 +33,8 @@ POSES = 256
 LATENESS = 1.0
 # A joint that turns freely is taken half a turn each way.
 FREE = np.pi
+# rad (m), of the difference that gravity's stiffness is taken by.
+STEP = 1e-4
 
 
 @dataclass(frozen=True)
@@ -74,11 +78,12 @@ def gains(
     largest = np.einsum("kjj->kj", inertia).max(axis=0)
     smallest = 1 / np.einsum("kjj->kj", np.linalg.inv(inertia)).max(axis=0)
     ratio, asked = options.damping_ratio, 2 * np.pi * options.bandwidth
-    late = 1 / (2 * np.pi * options.velocity_cutoff) + 1 / options.rate + timestep
+    late = 1 / (2 * np.pi * options.cutoff) + 1 / options.rate + timestep
     typical = np.sqrt(smallest * largest)
     kd = within_crossover(2 * ratio * asked * typical, inertia, LATENESS / late)
-    w = kd / (2 * ratio * typical)
-    found = Gains(w**2 * typical, kd, w / (2 * np.pi), smallest, largest)
+    damping = np.maximum(kd, parameters.reshape(n, PER_JOINT)[:, VISCOUS])
+    w = np.minimum(damping / (2 * ratio * typical), asked)
+    found = Gains(w * damping / (2 * ratio), kd, w / (2 * np.pi), smallest, largest)
     unknown = np.full(n, np.nan)
     if options.kp is not None:
         found = replace(found, kp=per_joint(options.kp, n, "kp", 0), bandwidth=unknown)
@@ -96,14 +101,19 @@ def within_crossover(kd: Array, inertia: Array, crossover: float) -> Array:
     kd, inverse = kd.copy(), np.linalg.inv(inertia)
     while True:
         root = np.sqrt(kd)
-        values, vectors = np.linalg.eigh(root[:, None] * inverse * root)
-        pose = int(np.argmax(values[:, -1]))
-        fastest = values[pose, -1]
-        if fastest <= crossover:
+        values = np.linalg.eigvalsh(root[:, None] * inverse * root)[:, -1]
+        pose = int(np.argmax(values))
+        if values[pose] <= crossover:
             return kd
-        share = vectors[pose, :, -1] ** 2
-        # A step a little beyond the bound ends the search after finitely many.
-        kd *= (0.999 * crossover / fastest) ** (share / share.max())
+        # That pose is settled before all are looked at again.
+        while True:
+            root = np.sqrt(kd)
+            values, vectors = np.linalg.eigh(root[:, None] * inverse[pose] * root)
+            if values[-1] <= crossover:
+                break
+            share = vectors[:, -1] ** 2
+            # A step a little beyond the bound ends the search after finitely many.
+            kd *= (0.999 * crossover / values[-1]) ** (share / share.max())
 
 
 def inertia_over_range(chain: Chain, parameters: Array, lower: Array, upper: Array) -> Array:
@@ -111,17 +121,44 @@ def inertia_over_range(chain: Chain, parameters: Array, lower: Array, upper: Arr
 
     Raises InputError for a joint that moves no inertia in some pose.
     """
-    n = chain.joints
-    bounded = np.isfinite(lower) & np.isfinite(upper)
-    low, high = np.where(bounded, lower, -FREE), np.where(bounded, upper, FREE)
-    spread = low + (high - low) * qmc.Halton(n, scramble=False).random(POSES)
-    poses = np.vstack([spread, (low + high) / 2, np.clip(0.0, low, high)])
+    poses = poses_over_range(lower, upper)
     inertia = mass_matrices(chain, parameters, poses, threads=1)
     if not np.linalg.eigvalsh(inertia)[:, 0].min() > 0:
         joint = chain.joint_names[int(np.argmin(np.einsum("kjj->kj", inertia).min(axis=0)))]
         expected = "links or rotors (armature) with inertia about every joint, in every pose"
         raise InputError("model", joint, expected, "none: a loop around it cannot be stable")
     return inertia
+
+
+def poses_over_range(lower: Array, upper: Array) -> Array:
+    """Poses (P, n) spread evenly over the joints' ranges, the middle and zero among them."""
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    low, high = np.where(bounded, lower, -FREE), np.where(bounded, upper, FREE)
+    spread = low + (high - low) * qmc.Halton(len(low), scramble=False).random(POSES)
+    return np.vstack([spread, (low + high) / 2, np.clip(0.0, low, high)])
+
+
+def sag(kp: Array, chain: Chain, parameters: Array, lower: Array, upper: Array) -> tuple[float, int]:
+    """The largest share over the range that gravity's stiffness, and springs', has of the loop's; its joint.
+
+    It is the largest eigenvalue, by its size, of diag(kp)^-1/2 H diag(kp)^-1/2 with H = dg/dq. From 1 on the
+    loop does not hold the robot up; an error of the feedforward moves it by 1 / (1 - share) times as much as
+    without gravity. kp: (n,), above 0.
+    """
+    poses = poses_over_range(lower, upper)
+    still = np.zeros_like(poses)
+
+    def gravity(where: Array) -> Array:
+        return inverse_dynamics(chain, parameters, where, still, still, threads=1)
+
+    units = STEP * np.eye(len(kp))
+    columns = [(gravity(poses + unit) - gravity(poses - unit)) / (2 * STEP) for unit in units]
+    stiffness = np.stack(columns, axis=2)
+    root = np.sqrt(kp)
+    values, vectors = np.linalg.eigh((stiffness + stiffness.swapaxes(1, 2)) / 2 / root[:, None] / root)
+    largest = np.abs(values)
+    pose, which = np.unravel_index(int(np.argmax(largest)), largest.shape)
+    return float(largest[pose, which]), int(np.argmax(vectors[pose, :, which] ** 2))
 
 
 def servo_gains(model: Any) -> Gains:

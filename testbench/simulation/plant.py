@@ -82,5 +82,8 @@ def resting_pose(
         if change <= 1e-14 * (1 + np.abs(pose).max()):
             return pose, windup, torque
     raise InputError(
-        "simulation", "controller kp", "gains that hold the arm at the start", kp.round(3).tolist()
+        "simulation",
+        "controller kp",
+        "gains that hold the arm at the start against gravity: a higher bandwidth or control rate",
+        kp.round(3).tolist(),
     )

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from functools import cache
 from importlib.metadata import version
 from typing import Any
@@ -13,58 +13,21 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 
-from ..effects.base import Injection
 from ..log import Controller, Recording
 from ..robot import Robot
 from . import layout
 from .batch import Loop, run_loops
-from .controller import MODEL, ControllerOptions, feedforward, velocity_pole
-from .gains import Gains, gains, servo_gains
+from .controller import MODEL, feedforward, velocity_pole
+from .options import SimulationOptions
 from .plant import plant_model, resting_pose
 from .reference import Reference
-from .sensors import SensorOptions, centred_torque, encoder_quantum, measured_torque, per_joint, white_noise
+from .sensors import centred_torque, encoder_quantum, measured_torque, per_joint, white_noise
+from .steady import controller_gains, resolved
 from .unmodelled import Acting, put_in, told
 
 Array = NDArray[np.float64]
 
-# s; below it the steps of a minute take an hour.
-SHORTEST_STEP = 1e-6
 POSITION_CHANNEL, TORQUE_CHANNEL = 0, 1
-
-
-@dataclass(frozen=True)
-class SimulationOptions:
-    """How a run is simulated. Raises InputError unless the physics step divides the control period.
-
-    physics_timestep: s. effects: what the robot has that its model does not say.
-    """
-
-    controller: ControllerOptions = field(default_factory=ControllerOptions)
-    sensors: SensorOptions = field(default_factory=SensorOptions)
-    physics_timestep: float = 1e-4
-    effects: tuple[Injection, ...] = ()
-
-    def __post_init__(self) -> None:
-        step, period = self.physics_timestep, 1 / self.controller.rate
-        if not (np.isfinite(step) and step > 0) or abs(self.substeps * step - period) > 1e-6 * period:
-            expected = f"a positive step that divides the control period of {period:g} s"
-            raise InputError("simulation", "physics_timestep", expected, step)
-        if step < SHORTEST_STEP:
-            raise InputError("simulation", "physics_timestep", f"at least {SHORTEST_STEP:g} s", step)
-
-    @property
-    def substeps(self) -> int:
-        """Physics steps a control period."""
-        return max(round(1 / (self.controller.rate * self.physics_timestep)), 1)
-
-
-def controller_gains(options: SimulationOptions, nominal: Robot) -> Gains:
-    """The gains of a run's controller, which knows this model. Raises InputError."""
-    controller, limits = options.controller, nominal.limits
-    if controller.kind == MODEL:
-        return servo_gains(nominal.model)
-    step = 1 / (controller.rate * options.substeps)
-    return gains(controller, nominal.chain, nominal.parameters, limits.lower, limits.upper, step)
 
 
 def simulate(
@@ -140,6 +103,7 @@ class _Run:
         for source, joints in (("references", reference.joints), ("nominal model", nominal.joints)):
             if joints != n:
                 raise InputError("simulation", source, f"{n} joints, as the robot has", joints)
+        options = resolved(options, robot)
         self.robot, self.reference, self.options, self.stream = robot, reference, options, stream
         sensors, controller = options.sensors, options.controller
         self.deviation = self._torque_deviation()
@@ -201,28 +165,36 @@ class _Run:
     def recording(self, output: Array) -> Recording:
         """The log of this run, from the loop's output (N, OUTPUTS, n)."""
         robot, reference, options = self.robot, self.reference, self.options
-        controller, rate = options.controller, options.controller.rate
-        command = output[:, layout.COMMAND].copy()
+        controller, rate, every = options.controller, options.logged_rate, options.loops_a_sample
         delay = per_joint(options.sensors.torque_delay, robot.joints, "torque_delay")
-        reported = centred_torque(command, self.hold, delay, rate)
+        # The mean over a sample's period is that of the means over the loop's periods in it.
+        reported = np.mean(
+            [
+                centred_torque(output[:, layout.COMMAND], self.hold, delay + late, controller.rate)
+                for late in (np.arange(every) - (every - 1) / 2) / controller.rate
+            ],
+            axis=0,
+        )[::every]
+        output = output[::every]
+        samples = len(output)
         has_feedforward = controller.kind == "pd_with_model_feedforward"
         return Recording(
             robot=robot.name,
             joint_names=robot.joint_names,
             sample_rate=rate,
             source="simulation",
-            time=np.arange(reference.samples) / rate,
+            time=np.arange(samples) / rate,
             position=output[:, layout.READING].copy(),
             torque=measured_torque(
-                reported, self._noise(TORQUE_CHANNEL), rate, self.deviation, options.sensors
+                reported, self._noise(TORQUE_CHANNEL)[:samples], rate, self.deviation, options.sensors
             ),
-            torque_command=command,
-            reference_position=reference.position,
-            reference_velocity=reference.velocity,
-            reference_acceleration=reference.acceleration,
+            torque_command=output[:, layout.COMMAND].copy(),
+            reference_position=reference.position[::every],
+            reference_velocity=reference.velocity[::every],
+            reference_acceleration=reference.acceleration[::every],
             controller=Controller(
                 controller.logged_kind,
-                rate,
+                controller.rate,
                 self.kp,
                 self.kd,
                 controller.coulomb_smoothing if has_feedforward else None,

@@ -19,11 +19,14 @@ def test_a_model_that_is_no_robot_is_told_by_its_one_line(tmp_path: Path) -> Non
     assert outcome.reason == "still.urdf: joint: expected at least one hinge or slide joint, got none"
 
 
-def test_a_design_beyond_a_rated_speed_does_not_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("left", "speed", "affected"), [(-1.0, 1.5, ()), (1.0, 0.75, ("payload",))])
+def test_a_design_beyond_a_rated_speed_does_not_work_and_gets_no_effect(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, left: float, speed: float, affected: tuple[str, ...]
+) -> None:
     def run(folder: Path, command: str, *arguments: object) -> str:
         out = Path(str(arguments[arguments.index("--out") + 1]))
         if command == "excite":
-            speeds = {"peaks": {"velocity": [1.0, 3.0]}, "margins": {"velocity": [1.0, -1.0]}}
+            speeds = {"peaks": {"velocity": [1.0, 3.0]}, "margins": {"velocity": [1.0, left]}}
             write_json({"joint_names": ["a", "b"], **speeds}, out)
         if command == "diagnose":
             out.mkdir()
@@ -33,10 +36,23 @@ def test_a_design_beyond_a_rated_speed_does_not_work(tmp_path: Path, monkeypatch
 
     monkeypatch.setattr("studies.robots.judge._run", run)
     outcome = judge(tmp_path / "arm.urdf", "arm.urdf", tmp_path / "work")
-    assert outcome.speed == 1.5
-    assert not outcome.works
-    assert (outcome.stopped, outcome.healthy, outcome.affected) == ("", (), ("payload",))
+    assert outcome.speed == speed
+    assert outcome.works == (left > 0)
+    assert (outcome.stopped, outcome.healthy, outcome.affected) == ("", (), affected)
     assert outcome.notes == ("arm.urdf: held still at zero, its mass counted: finger",)
+
+
+def test_a_command_that_takes_too_long_is_ended_and_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def main(_: object) -> None:
+        while True:
+            pass
+
+    monkeypatch.setattr("studies.robots.judge.main", main)
+    monkeypatch.setattr("studies.robots.judge.PATIENCE", 0.05)
+    outcome = judge(tmp_path / "arm.urdf", "arm.urdf", tmp_path / "work")
+    assert (outcome.stopped, outcome.reason) == ("excite", "over 0.05 s of the processor")
 
 
 def test_the_table_says_which_work_and_why_others_do_not() -> None:
