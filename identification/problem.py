@@ -142,7 +142,8 @@ class Problem:
         mean = self.prior.mean
         gaps = [(torque - rows @ mean) * weights[joint] for rows, torque, joint in self.parts()]
         # Held by next to nothing, the rows show their noise.
-        least = FAINT * float(np.linalg.norm([np.linalg.norm(gap) for gap in gaps])) / np.sqrt(self.counts.sum())
+        rms = float(np.linalg.norm([np.linalg.norm(gap) for gap in gaps])) / np.sqrt(self.counts.sum())
+        least = FAINT * rms
         values = self._least_squares(weights, least + np.finfo(float).tiny)
         return self._least_squares(weights, self.row_noise(values, weights))
 
@@ -247,4 +248,3 @@ class Problem:
             effective_samples=float(np.sum(self.independent_samples(values))),
             estimator=estimator,
         )
-

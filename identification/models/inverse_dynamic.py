@@ -20,6 +20,7 @@ from ..signals import Signals
 # Bytes of the regressor at the full rate that are filtered at once; more columns follow.
 MOST_AT_ONCE = 1 << 28
 
+
 def equations(
     chain: Chain, base: BaseParameters, signals: Signals, preprocessing: Preprocessing, name: str
 ) -> Observations:
