@@ -94,7 +94,7 @@ def _recording(robot: Robot, case: Case, random: np.random.Generator) -> Recordi
             position[:, joint] += SPEED / omega * np.sin(phase)
             velocity[:, joint] += SPEED * np.cos(phase)
             acceleration[:, joint] -= SPEED * omega * np.sin(phase)
-    truth = robot.parameters * random.uniform(1.1, 1.2)
+    truth = robot.parameters * np.random.default_rng(99).uniform(0.8, 1.25, len(robot.parameters))
     torque = inverse_dynamics(robot.chain, truth, position, velocity, acceleration)
     torque += NOISE * np.sqrt(np.mean(torque**2, axis=0)) * random.standard_normal(torque.shape)
     position = np.round(position / COUNT) * COUNT
