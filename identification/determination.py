@@ -36,10 +36,11 @@ def determination(problem: Problem, prior: BasePrior, weights: Array, noise: flo
 
     weights: (e,) of the equations' rows. noise: standard deviation of a weighted row.
     """
-    rows, _, joint = problem.stacked
-    scaled = rows * (weights[joint] / noise)[:, None]
+    products = np.zeros((problem.base.count, problem.base.count))
+    for scaled, _ in problem.weighted_parts(weights / noise):
+        products += scaled.T @ scaled
     inverse_root = np.linalg.inv(prior.root)
-    information, vectors = np.linalg.eigh(inverse_root.T @ (scaled.T @ scaled) @ inverse_root)
+    information, vectors = np.linalg.eigh(inverse_root.T @ products @ inverse_root)
     information = np.maximum(information, 0.0)
     spread = (inverse_root @ vectors) ** 2
     left = spread @ (1 / (1 + information)) / np.diag(prior.covariance)

@@ -1,6 +1,6 @@
 """The identification problem an estimator solves, and the linear algebra that estimators share."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +16,7 @@ from .errors import InputError
 from .estimate import Estimate
 from .observations import Observations, Preprocessing
 from .prior import BasePrior
+from .row_parts import column_norms, triangle
 from .signals import Motion
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 SINGULAR_CONDITION = 1e7
 # Share of the torque that the model leaves, taken for noise until a fit has shown it.
 FAINT = 1e-2
+# Bytes of the equations that are worked on at once; more are taken in parts.
+MOST_AT_ONCE = 1 << 27
 
 
 @dataclass(frozen=True)
@@ -52,16 +55,34 @@ class Problem:
 
         Raises InputError when there are fewer rows than parameters that no prior holds.
         """
+        self._require_rows()
         used = [run.used for run in self.observations]
         rows = np.concatenate([run.regressor[u] for run, u in zip(self.observations, used, strict=True)])
         torque = np.concatenate([run.torque[u] for run, u in zip(self.observations, used, strict=True)])
-        joint = np.concatenate([np.nonzero(u)[1] for u in used])
-        needed = self.base.count if self.prior is None else 1
-        if len(rows) < needed:
-            raise InputError(
-                "logs", "motion", f"at least {needed} samples outside the dead zone", f"{len(rows)}"
-            )
-        return rows, torque, joint
+        return rows, torque, np.concatenate([np.nonzero(u)[1] for u in used])
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """Used rows of each equation, (e,)."""
+        return np.sum([run.used.sum(axis=0) for run in self.observations], axis=0, dtype=np.int64)
+
+    def parts(self) -> Iterator[tuple[Array, Array, NDArray[np.int64]]]:
+        """The same rows as ``stacked``, in parts where all at once would fill the memory."""
+        if sum(run.regressor.nbytes for run in self.observations) <= MOST_AT_ONCE:
+            yield self.stacked
+            return
+        self._require_rows()
+        for run in self.observations:
+            size = max(1, MOST_AT_ONCE // run.regressor[:1].nbytes)
+            for first in range(0, len(run.time), size):
+                part = slice(first, first + size)
+                used = run.used[part]
+                yield run.regressor[part][used], run.torque[part][used], np.nonzero(used)[1]
+
+    def _require_rows(self) -> None:
+        needed, count = (self.base.count if self.prior is None else 1), int(self.counts.sum())
+        if count < needed:
+            raise InputError("logs", "motion", f"at least {needed} samples outside the dead zone", f"{count}")
 
     @cached_property
     def condition_number(self) -> float:
@@ -69,13 +90,12 @@ class Problem:
 
         Raises InputError that names the parameter when the motion leaves one unexcited that no prior holds.
         """
-        rows, _, _ = self.stacked
-        norms = np.linalg.norm(rows, axis=0)
+        norms = column_norms(rows for rows, _, _ in self.parts())
         if np.any(norms == 0):
             if self.prior is not None:
                 return np.inf
             self._unexcited(int(np.argmin(norms)))
-        upper = np.linalg.qr(rows / norms, mode="r")
+        upper = triangle(rows / norms for rows, _, _ in self.parts())
         _, singular, right = np.linalg.svd(upper)
         condition = float(singular[0] / singular[-1]) if singular[-1] > 0 else np.inf
         if condition > SINGULAR_CONDITION and self.prior is None:
@@ -118,31 +138,50 @@ class Problem:
         Where there is a prior, its rows count against the noise that the residual itself shows.
         """
         if self.prior is None:
-            return _least_squares(*self.weighted_rows(weights))
-        rows, torque, joint = self.stacked
-        scale = weights[joint]
+            return self._least_squares(weights, None)
+        mean = self.prior.mean
+        gaps = [(torque - rows @ mean) * weights[joint] for rows, torque, joint in self.parts()]
         # Held by next to nothing, the rows show their noise.
-        least = FAINT * float(np.linalg.norm((torque - rows @ self.prior.mean) * scale)) / np.sqrt(len(rows))
-        values = _least_squares(*self.weighted_rows(weights, least + np.finfo(float).tiny))
-        return _least_squares(*self.weighted_rows(weights, self.row_noise(values, weights)))
+        rms = float(np.linalg.norm([np.linalg.norm(gap) for gap in gaps])) / np.sqrt(self.counts.sum())
+        least = FAINT * rms
+        values = self._least_squares(weights, least + np.finfo(float).tiny)
+        return self._least_squares(weights, self.row_noise(values, weights))
 
-    def weighted_rows(self, weights: Array, noise: float = 1.0) -> tuple[Array, Array]:
-        """All rows times their equation's weight (e,), (K, b) and (K,), and below them those of the prior.
+    def weighted_parts(self, weights: Array, noise: float | None = None) -> Iterator[tuple[Array, Array]]:
+        """All rows times their equation's weight (e,), (K, b) and (K,) in parts, and below them the prior's.
 
-        noise: standard deviation of a weighted row, which the prior is counted against.
+        noise: standard deviation of a weighted row, which the prior is counted against; None leaves it out.
         """
-        rows, torque, joint = self.stacked
-        scale = weights[joint]
-        rows, torque = rows * scale[:, None], torque * scale
-        if self.prior is None:
-            return rows, torque
-        held = noise * np.sqrt(self.prior.strength) * self.prior.root
-        return np.vstack([rows, held]), np.concatenate([torque, held @ self.prior.mean])
+        below: list[tuple[Array, Array]] = []
+        for rows, torque, joint in self.parts():
+            yield from below
+            scale = weights[joint]
+            below = [(rows * scale[:, None], torque * scale)]
+        rows, torque = below[0]
+        if self.prior is not None and noise is not None:
+            held = noise * np.sqrt(self.prior.strength) * self.prior.root
+            rows, torque = np.vstack([rows, held]), np.concatenate([torque, held @ self.prior.mean])
+        yield rows, torque
+
+    def weighted_triangle(self, weights: Array, noise: float | None = None) -> tuple[Array, Array]:
+        """R of the QR of all ``weighted_parts``, columns scaled to unit norm and the torque to the right.
+
+        (b + 1, b + 1), and the columns' norms (b,). The last column holds Q' tau.
+        """
+        norms = column_norms(rows for rows, _ in self.weighted_parts(weights, noise))
+        upper = triangle(
+            np.column_stack([rows / norms, torque]) for rows, torque in self.weighted_parts(weights, noise)
+        )
+        return upper, norms
+
+    def _least_squares(self, weights: Array, noise: float | None) -> Array:
+        upper, norms = self.weighted_triangle(weights, noise)
+        return solve_triangular(upper[:-1, :-1], upper[:-1, -1]) / norms
 
     def row_noise(self, values: Array, weights: Array) -> float:
         """Standard deviation of a weighted row at ``values``, widened by its inflation; never zero."""
         std, inflation = self.residual_std(values)
-        counts = np.bincount(self.stacked[2], minlength=self.equations)
+        counts = self.counts
         variance = np.sum(counts * weights**2 * std**2 * inflation) / counts.sum()
         return float(np.sqrt(variance) + np.finfo(float).tiny)
 
@@ -155,7 +194,7 @@ class Problem:
     def independent_samples(self, values: Array) -> Array:
         """Effective sample size of each equation's residual at ``values``, (e,): used rows over inflation."""
         _, inflation = self.residual_std(values)
-        return np.bincount(self.stacked[2], minlength=self.equations) / inflation
+        return self.counts / inflation
 
     def residual_weights(self, values: Array) -> Array:
         """1 / residual deviation of each equation at ``values``, (e,), widened by its inflation."""
@@ -172,22 +211,23 @@ class Problem:
         the effective sample size for coloured. A prior adds to both sums: what no row tells keeps its width,
         widened by how far from the model that lies which the rows tell.
         """
-        rows, _, joint = self.stacked
         condition = self.condition_number
         std, inflation = self.residual_std(values)
-        norms = np.linalg.norm(rows * weights[joint][:, None], axis=0)
+        norms = column_norms(rows for rows, _ in self.weighted_parts(weights))
         if self.prior is not None:
             norms = np.hypot(norms, self.row_noise(values, weights) * np.linalg.norm(self.prior.root, axis=0))
-        scaled = rows / norms
         bread = np.zeros((self.base.count, self.base.count))
         meat = np.zeros_like(bread)
-        for j in range(self.equations):
-            block = scaled[joint == j]
-            information = block.T @ block
-            bread += weights[j] ** 2 * information
-            meat += weights[j] ** 4 * std[j] ** 2 * inflation[j] * information
+        for rows, _, joint in self.parts():
+            scaled = rows / norms
+            for j in range(self.equations):
+                block = scaled[joint == j]
+                information = block.T @ block
+                bread += weights[j] ** 2 * information
+                meat += weights[j] ** 4 * std[j] ** 2 * inflation[j] * information
         # Each parameter costs a degree of freedom.
-        freedom = len(rows) / max(1.0, len(rows) - self.base.count)
+        count = int(self.counts.sum())
+        freedom = count / max(1.0, count - self.base.count)
         meat *= freedom
         if self.prior is not None:
             variance = self.row_noise(values, weights) ** 2
@@ -208,10 +248,3 @@ class Problem:
             effective_samples=float(np.sum(self.independent_samples(values))),
             estimator=estimator,
         )
-
-
-def _least_squares(rows: Array, torque: Array) -> Array:
-    norms = np.linalg.norm(rows, axis=0)
-    # The factor of [W tau] holds Q'tau in its last column; Q itself is never formed.
-    upper = np.asarray(np.linalg.qr(np.column_stack([rows / norms, torque]), mode="r"))
-    return solve_triangular(upper[:-1, :-1], upper[:-1, -1]) / norms

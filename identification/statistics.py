@@ -54,11 +54,7 @@ def essential_parameters(
     in units of each equation's own deviation at ``estimate``.
     """
     weights = problem.residual_weights(estimate.values)
-    rows, torque, joint = problem.stacked
-    scale = weights[joint]
-    norms = np.linalg.norm(rows * scale[:, None], axis=0)
-    both = np.column_stack([rows * scale[:, None] / norms, torque * scale])
-    upper = np.asarray(np.linalg.qr(both, mode="r"))
+    upper, norms = problem.weighted_triangle(weights)
     count = problem.base.count
     matrix, target = upper[:count, :count], upper[:count, -1]
     full = float(upper[-1, -1] ** 2)

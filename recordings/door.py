@@ -12,7 +12,7 @@ from .guess import Guess, guess_mapping
 from .joints import Joints
 from .mapping import Mapping, read_mapping
 from .mapping_file import map_beside
-from .readers import reader_of
+from .readers import reader_of, tables
 from .readers.robot_log import FORMAT as ROBOT_LOG
 from .table import Table
 
@@ -57,23 +57,23 @@ class Door:
 
     def runs(self, path: Path) -> list[Opened]:
         """Every run of a file, by a mapping. Raises InputError."""
-        reader = reader_of(path)
-        tables = reader.read(path)
         # What lies beside a robot-log is how it was made.
-        map_path = self._map_path or (None if reader.FORMAT is ROBOT_LOG else map_beside(path))
+        is_robot_log = reader_of(path).FORMAT is ROBOT_LOG
+        map_path = self._map_path or (None if is_robot_log else map_beside(path))
+        found = tables(path)
         if map_path is None:
-            return [self._guessed(table) for table in tables]
+            return [self._guessed(table) for table in found]
         if map_path not in self._read:
             self._read[map_path] = read_mapping(map_path)
         mapping = self._read[map_path]
         if mapping.episode is not None:
-            episodes = [str(table.episode) for table in tables]
-            tables = [table for table in tables if table.episode == mapping.episode]
-            if not tables:
+            episodes = [str(table.episode) for table in found]
+            found = [table for table in found if table.episode == mapping.episode]
+            if not found:
                 raise InputError(
                     path, "map: episode", "an episode of the file", mapping.episode, episodes[:12]
                 )
-        return [self._mapped(table, mapping, map_path) for table in tables]
+        return [self._mapped(table, mapping, map_path) for table in found]
 
     def _mapped(self, table: Table, mapping: Mapping, map_path: Path) -> Opened:
         slides = self._slides(mapping, map_path)

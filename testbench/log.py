@@ -236,13 +236,14 @@ def read_log(path: str | Path, with_truth: bool = False, with_torque: bool = Tru
     require_file(path, "log", "an existing robot-log file")
     size = path.stat().st_size
     expected = "an HDF5 file that is not damaged"
-    recording = contained("testbench.log:_read", path, "log", expected, with_truth, with_torque, size=size)
+    asked = with_truth, with_torque
+    recording = contained("testbench.log:read_here", path, "log", expected, *asked, size=size)
     assert isinstance(recording, Recording)
     return recording
 
 
-def _read(name: str, with_truth: bool, with_torque: bool) -> Recording:
-    """The recording in a file, read in this process."""
+def read_here(name: str, with_truth: bool = False, with_torque: bool = True) -> Recording:
+    """The same, read in this process, which damage to the file may crash."""
     path = Path(name)
     with opened(path) as file:
         recording = _mended(_Reader(file, path).recording(with_truth, with_torque))

@@ -74,7 +74,7 @@ class Robot:
 
 
 def load_robot(path: str | Path, choice: Choice | None = None, logged: Sequence[str] | None = None) -> Robot:
-    """Read an MJCF, a URDF, or a .xacro where the xacro package is installed.
+    """Read an MJCF or a URDF.
 
     choice: which joints move. logged: the joints of the logs at hand, which move where choice names none. All
     others are held still where the model's keyframe or zero has them, and their mass counts. Where neither
@@ -89,12 +89,14 @@ def load_robot(path: str | Path, choice: Choice | None = None, logged: Sequence[
     path = Path(path)
     require_file(path, "model", "an existing MJCF or URDF file")
     source = Source(path, choice or Choice(), None if logged is None else tuple(logged))
-    # A .xacro is expanded by the xacro package of this process, where there is one.
-    if path.suffix != ".xacro":
-        require_readable(path)
-        packages = {name: str(folder) for name, folder in source.choice.packages.items()}
-        asked = source.choice.joints, source.choice.fix_base, packages, source.logged
-        contained("testbench.robot:_try", path, "model", EXPECTED, *asked)
+    if path.suffix == ".xacro":
+        # It has Python in it, and reads any file: for its owner to run, not for us.
+        expected = f"a URDF: run xacro first (xacro {path.name} > {path.stem})"
+        raise InputError(path, "model", expected, "a .xacro, which is a program")
+    require_readable(path)
+    packages = {name: str(folder) for name, folder in source.choice.packages.items()}
+    asked = source.choice.joints, source.choice.fix_base, packages, source.logged
+    contained("testbench.robot:_try", path, "model", EXPECTED, *asked)
     read = read_model(source)
     model = read.model
     try:

@@ -42,6 +42,8 @@ SMALLEST_RUN = 40
 LONGEST_STEP, STEPS = 0.15, 1.6
 # So many samples are kept of what the low-pass leaves, but one in so many at least.
 MOST_KEPT, THINNEST = 150_000, 3
+# Bytes of the regressor at the full rate that are filtered at once; more columns follow.
+MOST_AT_ONCE = 1 << 28
 # Where there are fewer runs, blocks of each stand in for them.
 FEWEST_FOLDS = 3
 
@@ -304,12 +306,16 @@ def _run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> Run:
         body_rotation=body_rotation,
         body_origin=body_origin,
     )
-    rows = regressor(robot.chain, signals.q, signals.dq, signals.ddq)
     base = np.zeros((len(kept), robot.joints, PER_JOINT * robot.joints))
-    for joint in range(robot.joints):
-        # Links before the joint never load it.
-        loaded = slice(PER_JOINT * joint, None)
-        base[:, joint, loaded] = filters[joint](rows[:, joint, loaded])
+    at_once = max(1, MOST_AT_ONCE // signals.q.nbytes)
+    for first in range(0, base.shape[2], at_once):
+        columns = np.arange(first, min(first + at_once, base.shape[2]))
+        rows = regressor(robot.chain, signals.q, signals.dq, signals.ddq, columns)
+        for joint in range(robot.joints):
+            # Links before the joint never load it.
+            loaded = columns >= PER_JOINT * joint
+            if loaded.any():
+                base[:, joint, columns[loaded]] = filters[joint](rows[:, joint, loaded])
     run = Run(
         name=log.name,
         logged=logged,

@@ -115,7 +115,7 @@ def _estimate(problem: Problem, rows: Rows, weights: Array) -> Estimate:
     freedom = len(rows.torque) / max(1.0, len(rows.torque) - problem.base.count)
     # The weights come from the estimate before; what is left of them is the residuals' variance now.
     std, inflation = problem.residual_std(values)
-    counts = np.bincount(problem.stacked[2], minlength=problem.equations)
+    counts = problem.counts
     variance = float(np.sum(counts * weights**2 * std**2 * inflation) / counts.sum())
     covariance = freedom * variance * spread @ (instruments.T @ instruments) @ spread.T
     found = problem.linear_estimate(values, weights, "instrumental_variable")

@@ -6,11 +6,10 @@ physical_consistency.py. It is the one estimator that also finds a full standard
 
 from dataclasses import replace
 
-import numpy as np
-
 from ..estimate import Estimate
 from ..physical_consistency import nearest_consistent
 from ..problem import Problem
+from ..row_parts import triangle
 from . import wls
 
 
@@ -21,8 +20,8 @@ def estimate(problem: Problem) -> Estimate:
     """
     free = wls.estimate(problem)
     weights = problem.residual_weights(free.values)
-    rows, _ = problem.weighted_rows(weights, problem.row_noise(free.values, weights))
-    root_information = np.asarray(np.linalg.qr(rows, mode="r"))
+    noise = problem.row_noise(free.values, weights)
+    root_information = triangle(rows for rows, _ in problem.weighted_parts(weights, noise))
     standard = nearest_consistent(problem.base, free.values, root_information, problem.nominal)
     found = problem.linear_estimate(problem.base.values(standard), weights, "physically_consistent")
     return replace(found, standard=standard)

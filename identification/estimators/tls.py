@@ -40,7 +40,7 @@ def row_noise(problem: Problem, values: Array, weights: Array) -> Array:
     std, _ = problem.residual_std(values)
     from_encoders = np.einsum("a,eab,b->e", values, each, values)
     of_torque = torque_variance(std**2, from_encoders)
-    counts = np.bincount(problem.stacked[2], minlength=problem.equations)
+    counts = problem.counts
     noise[b, b] = np.sum(counts * weights**2 * of_torque) / counts.sum()
     return noise
 

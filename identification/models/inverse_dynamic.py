@@ -17,6 +17,9 @@ from ..parameters import PER_JOINT, VISCOUS
 from ..regressor import regressor
 from ..signals import Signals
 
+# Bytes of the regressor at the full rate that are filtered at once; more columns follow.
+MOST_AT_ONCE = 1 << 28
+
 
 def equations(
     chain: Chain, base: BaseParameters, signals: Signals, preprocessing: Preprocessing, name: str
@@ -28,15 +31,20 @@ def equations(
     trim = max(signals.trim, *(edge_samples(rate, each) for each in cutoffs))
     step = decimation_step(rate, cutoff)
     kept = slice(trim, samples - trim, step)
-    rows = regressor(chain, signals.q, signals.dq, signals.ddq, base.columns)
     kept_rows = np.zeros((len(range(*kept.indices(samples))), chain.joints, base.count))
-    link = base.columns // PER_JOINT
+    at_once = max(1, MOST_AT_ONCE // signals.q.nbytes)
+    for first in range(0, base.count, at_once):
+        some = np.arange(first, min(first + at_once, base.count))
+        rows = regressor(chain, signals.q, signals.dq, signals.ddq, base.columns[some])
+        for joint, own in enumerate(cutoffs):
+            # Links before the joint never load it: their columns are zero.
+            loaded = base.columns[some] // PER_JOINT >= joint
+            if not loaded.any():
+                continue
+            kept_rows[:, joint, some[loaded]] = zero_phase_lowpass(rows[:, joint, loaded], rate, own)[kept]
     torque = np.empty((len(kept_rows), chain.joints))
     resting = np.empty((samples, chain.joints), dtype=bool)
     for joint, own in enumerate(cutoffs):
-        # Links before the joint never load it: their columns are zero.
-        loaded = link >= joint
-        kept_rows[:, joint, loaded] = zero_phase_lowpass(rows[:, joint, loaded], rate, own)[kept]
         torque[:, joint] = zero_phase_lowpass(signals.tau[:, joint], rate, own)[kept]
         # A wrong sign near rest is smeared by the filter over about half a cut-off period to either side.
         reach = 2 * round(0.5 * rate / own) + 1

@@ -13,12 +13,15 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from identification.errors import InputError
+from testbench.containment.child import contained
 from testbench.files import require_file
 
 from ..table import Table
 
 # Bytes that a reader is shown of a file to recognise it by.
 HEAD = 4096
+# Text and messages are read so many times more slowly than a slow disk gives them.
+SLOWER = 10
 PICKLES = (".pkl", ".pickle", ".joblib", ".pt", ".pth")
 
 
@@ -42,7 +45,7 @@ class Reader(Protocol):
         ...
 
     def read(self, path: Path) -> list[Table]:
-        """The runs in a file. Raises InputError."""
+        """The runs in a file, read in this process. Raises InputError, and whatever damage has it raise."""
         ...
 
 
@@ -53,6 +56,33 @@ def readers() -> Mapping[str, Reader]:
     modules = [importlib.import_module(f".{name}", __name__) for name in names]
     found = [cast(Reader, module) for module in modules if hasattr(module, "FORMAT")]
     return {each.FORMAT.name: each for each in sorted(found, key=lambda each: each.FORMAT.order)}
+
+
+def tables(path: Path) -> list[Table]:
+    """The runs in a file, read in another process. Raises InputError for all that damage can do there."""
+    files = [each for each in path.iterdir() if each.is_file()] if path.is_dir() else [path]
+    size = SLOWER * sum(each.stat().st_size for each in files)
+    found = contained("recordings.readers:_read", path, "log", _undamaged(reader_of(path)), size=size)
+    assert isinstance(found, list)
+    return found
+
+
+def _read(name: str) -> list[Table]:
+    """The runs in a file, read in this process."""
+    path = Path(name)
+    reader = reader_of(path)
+    try:
+        return reader.read(path)
+    except (InputError, MemoryError):
+        raise
+    # Nothing is known of what a format's library raises of a damaged file.
+    except Exception as error:
+        got = f"{type(error).__name__}: {error}"
+        raise InputError(path, "log", _undamaged(reader), got) from None
+
+
+def _undamaged(reader: Reader) -> str:
+    return f"a file that is not damaged: {reader.FORMAT.description}"
 
 
 def reader_of(path: Path) -> Reader:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.log import CHANNELS, read_log
+from testbench.log import CHANNELS, read_here
 
 from ..table import Channel, Stream, Table
 from . import Format
@@ -20,7 +20,7 @@ def recognises(path: Path, head: bytes) -> bool:
 
 def read(path: Path) -> list[Table]:
     """The one run of a robot-log. Raises InputError."""
-    recording = read_log(path)
+    recording = read_here(str(path))
     slides = recording.is_slide or (False,) * len(recording.joint_names)
     channels = [Channel("time", recording.time[:, np.newaxis], (), "s", "time")]
     for name, field, hinge, slide in CHANNELS:

@@ -4,6 +4,7 @@ Only topics of joint states and of joint controllers' states are read, so that m
 alone, whatever else is in the bag.
 """
 
+import errno
 from array import array
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -12,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from identification.errors import InputError
-from testbench.progress import steps
 
 from ..table import Channel, Numbers, Stream, Table, distinct
 from . import Format
@@ -23,8 +23,6 @@ FORMAT = Format(
 )
 MAGICS = (b"SQLite format 3\0", b"\x89MCAP0\r\n", b"#ROSBAG V2.0")
 METADATA = "metadata.yaml"
-# Messages between two looks at the progress.
-REPORTED = 1000
 # Names of the two clocks of a message.
 STAMP, RECEIVED = "header stamp", "receive time"
 
@@ -56,16 +54,18 @@ def read(path: Path) -> list[Table]:
                 got = ", ".join(sorted({f"{each.topic} ({each.msgtype})" for each in others})) or "no topic"
                 expected = f"a topic of {', '.join(MESSAGES)}"
                 raise InputError(path, "log", expected, got)
-            total = sum(each.msgcount for each in wanted)
-            with steps() as progress, progress.step(f"read {path.name}") as step:
-                for count, (connection, received, raw) in enumerate(bag.messages(wanted)):
-                    fields = _decoded(bag, connection.msgtype, raw)
-                    key = (connection.topic, tuple(sorted(fields.joints)))
-                    recorded.setdefault(key, _Messages(fields)).add(received, fields)
-                    if count % REPORTED == 0:
-                        step.update(count, max(total, 1))
+            for connection, received, raw in bag.messages(wanted):
+                fields = _decoded(bag, connection.msgtype, raw)
+                key = (connection.topic, tuple(sorted(fields.joints)))
+                recorded.setdefault(key, _Messages(fields)).add(received, fields)
+    except OSError as error:
+        if error.errno != errno.EFBIG:
+            raise
+        # It would be unpacked to a file beside, as large as its writer likes.
+        expected = "a bag whose messages are compressed, or none of it: unpack it first (zstd -d)"
+        raise InputError(path, "log", expected, "files that are compressed as a whole") from None
     # Damage shows as what the decoders of three storages and two encodings happen to raise.
-    except (AnyReaderError, ValueError, KeyError, IndexError, AssertionError, OSError) as error:
+    except (AnyReaderError, ValueError, KeyError, IndexError, AssertionError) as error:
         raise InputError(path, "log", "a bag that can be read", str(error) or type(error).__name__) from None
     return [_table(path, recorded, others)]
 

@@ -25,6 +25,7 @@ from .scoring import Bin, Share, calibration_error, reliability, risk_and_covera
 Row = dict[str, Any]
 
 RESULTS, PAGE, TABLE, SCORES = "results", "plants.md", "plants.csv", "plants.json"
+WRITTEN = (RESULTS, PAGE, TABLE, SCORES, "study.json")
 # A fault that moves this share of its joint's torque is a larger one.
 LARGE = 0.1
 REFUSED = "refused"

@@ -47,7 +47,7 @@ Map = Annotated[
     Path | None,
     Parameter(help="mapping YAML of recordings that are no robot-logs; guessed when not given", name="--map"),
 ]
-Model = Annotated[Path, Parameter(help="MJCF, URDF, or .xacro")]
+Model = Annotated[Path, Parameter(help="MJCF or URDF")]
 
 
 @Parameter(name="*")

@@ -24,8 +24,10 @@ def study_recordings(
 ) -> None:
     """Diagnose recordings of real robots by some of their runs and predict another."""
     from studies.recordings.study import study
+    from testbench.containment.folder import results_folder
 
-    study(plan, data, out, jobs)
+    with results_folder(out, ("results", "recordings.md", "recordings.csv"), resumes=True):
+        study(plan, data, out, jobs)
 
 
 @app.command(name="plants")
@@ -37,9 +39,11 @@ def study_plants(
     jobs: Processes = None,
 ) -> None:
     """Draw robots of every independent plant, diagnose their logs, and score what is said."""
-    from studies.plants_study.study import study
+    from studies.plants_study.study import WRITTEN, study
+    from testbench.containment.folder import results_folder
 
-    study(out, robots, seed, jobs)
+    with results_folder(out, WRITTEN, resumes=True):
+        study(out, robots, seed, jobs)
 
 
 @app.command(name="robots")
@@ -52,5 +56,7 @@ def study_robots(
 ) -> None:
     """Take every published model from its file to a diagnosis, and say which work."""
     from studies.robots.study import study
+    from testbench.containment.folder import results_folder
 
-    study(models, out, jobs)
+    with results_folder(out, ("results", "robots.md"), resumes=True):
+        study(models, out, jobs)

@@ -1,6 +1,7 @@
 """The folder of a command's results: one command's at a time, and nobody else's files."""
 
 import contextlib
+import hashlib
 import json
 import os
 import sys
@@ -16,7 +17,7 @@ BEGINNINGS = {
     ".rrd": b"RRF",
     ".h5": b"\x89HDF\r\n\x1a\n",
 }
-WITHOUT_FORMAT = ("scenario.json", "score.json")
+WITHOUT_FORMAT = ("scenario.json", "score.json", "study.json", "plants.json")
 # What every page of ours has in its head, and how far into a file that is looked for.
 GENERATOR, HEAD = b'<meta name="generator" content="identification-testbench">', 4096
 
@@ -26,8 +27,9 @@ def results_folder(out: Path, written: Sequence[str], resumes: bool = False) -> 
     """Keep ``out`` for one command while the block runs. Raises InputError where it is not to be had.
 
     written: names of what the command writes. A folder is refused where one of them is there of another
-    making, and while another process writes to it. A line on stderr says that earlier results were replaced,
-    unless the command ``resumes``. Folders made here go again where the block fails and leaves them empty.
+    making, and while another process writes to it. A line on stderr says that earlier results were replaced;
+    of a command that ``resumes``, those that are others now, as of another job. Folders made here go again
+    where the block fails and leaves them empty.
     """
     require_plain_folder(out)
     there = [name for name in written if (out / name).exists() or (out / name).is_symlink()]
@@ -35,6 +37,7 @@ def results_folder(out: Path, written: Sequence[str], resumes: bool = False) -> 
         if not _is_ours(out / name):
             expected = "a folder that is new, or whose files testbench has written"
             raise InputError(out, "out", expected, f"one with a {name} of another making")
+    before = {name: _digest(out / name) for name in there} if resumes else {}
     made = [folder for folder in (out, *out.parents) if not folder.exists()]
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -48,8 +51,17 @@ def results_folder(out: Path, written: Sequence[str], resumes: bool = False) -> 
     except BaseException:
         _take_away(made)
         raise
-    if there and not resumes:
-        print(f"{out}: results that were there were replaced ({', '.join(there)})", file=sys.stderr)
+    replaced = [name for name in there if not resumes or before[name] != _digest(out / name)]
+    if replaced:
+        print(f"{out}: results that were there were replaced ({', '.join(replaced)})", file=sys.stderr)
+
+
+def _digest(path: Path) -> bytes | None:
+    """What tells a file's content from another; None of a folder, which a command that resumes adds to."""
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").digest()
 
 
 def require_plain_folder(out: Path) -> None:

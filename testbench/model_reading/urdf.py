@@ -1,6 +1,5 @@
 """A URDF as it comes, made into one that MuJoCo reads; what MuJoCo drops of it is kept beside."""
 
-import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,12 +52,7 @@ class Urdf:
 
 
 def xml_root(path: Path) -> ElementTree.Element | None:
-    """The root of a model's XML, None where it is none; of a .xacro, what the xacro package makes of it.
-
-    Raises InputError for a .xacro where that package is missing, or fails.
-    """
-    if path.suffix == ".xacro":
-        return _expanded(path)
+    """The root of a model's XML, None where it is none."""
     try:
         return ElementTree.parse(path).getroot()
     # What MuJoCo says of it is more to the point.
@@ -110,19 +104,6 @@ def _parsed(urdf: Urdf) -> Any:
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(urdf.root, encoding="unicode"))
     spec.modelfiledir = str(urdf.folder)
     return spec
-
-
-def _expanded(path: Path) -> ElementTree.Element:
-    expected = f"a URDF: run xacro first (xacro {path.name} > {path.stem}), or pip install xacro"
-    try:
-        xacro = importlib.import_module("xacro")
-    except ImportError:
-        raise InputError(path, "model", expected, "a .xacro") from None
-    try:
-        return ElementTree.fromstring(xacro.process_file(str(path)).toxml())
-    # It raises whatever its macros do.
-    except Exception as error:
-        raise InputError(path, "model", "a .xacro that xacro expands", str(error)) from None
 
 
 def _drop_repeated(root: ElementTree.Element) -> list[str]:

@@ -55,6 +55,21 @@ def test_where_nothing_is_written_nothing_stays(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_of_a_command_that_resumes_only_what_became_other_is_replaced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "cases").mkdir()
+    (tmp_path / "table.csv").write_text("one")
+    for content, says in (
+        ("one", ""),
+        ("two", f"{tmp_path}: results that were there were replaced (table.csv)\n"),
+    ):
+        with results_folder(tmp_path, ("cases", "table.csv"), resumes=True):
+            (tmp_path / "cases" / "case_1").touch()
+            (tmp_path / "table.csv").write_text(content)
+        assert capsys.readouterr().err == says
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="locks of folders are the system's")
 def test_a_second_process_says_that_another_writes_there(tmp_path: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", HOLDS, str(tmp_path)], stdout=subprocess.PIPE) as other:

@@ -1,14 +1,20 @@
 """Good inputs of every kind that is read, small enough to be damaged by the thousand."""
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from rosbags.rosbag2 import StoragePlugin
 
 from diagnosis.correction.prediction import read_diagnosed
+from recordings.door import Door
+from recordings.readers.ros_messages import typestores
 from studies.blind.scenario import load_blind_scenario
 from studies.loop.scenario import load_loop_scenario
 from testbench.excitation_file import read_trajectory
@@ -16,6 +22,8 @@ from testbench.log import Controller, Recording, read_log, write_log
 from testbench.robot import load_robot
 from testbench.scenario import load_scenario
 
+from ..recordings.runs import run
+from ..recordings.test_ros_bags import joint_states, write_bag
 from ..small_arm import ARM, SCENARIO
 
 SAMPLES = 150
@@ -78,7 +86,33 @@ def inputs(folder: Path) -> list[Input]:
             json.dumps(_diagnosis(folder)).encode(),
             lambda path: read_diagnosed(path.parent),
         ),
+        *_recordings(folder, log),
     ]
+
+
+def _recordings(folder: Path, log: Recording) -> list[Input]:
+    """The same run in other formats."""
+    columns = {"time": log.time}
+    for joint, name in enumerate(log.joint_names):
+        columns |= {f"q_{name}": log.position[:, joint], f"tau_{name}": log.torque[:, joint]}
+    rows = np.column_stack(list(columns.values())).round(6).tolist()
+    lines = [",".join(columns), *(",".join(map(str, row)) for row in rows)]
+    records = [json.dumps(dict(zip(columns, row, strict=True))) for row in rows]
+    np.savez(folder / "run.npz", **columns)
+    pq.write_table(pa.table(columns), folder / "run.parquet")
+    made = {
+        "run.csv": "\n".join(lines).encode(),
+        "run.jsonl": "\n".join(records).encode(),
+        "run.npz": (folder / "run.npz").read_bytes(),
+        "run.parquet": (folder / "run.parquet").read_bytes(),
+    }
+    store = typestores()[0]
+    for plugin in StoragePlugin:
+        bag = write_bag(folder / plugin.name, store, joint_states(store, run())[:60], plugin)
+        (file,) = (each for each in bag.iterdir() if each.suffix != ".yaml")
+        made[f"run{file.suffix}"] = file.read_bytes()
+        shutil.rmtree(bag)
+    return [Input(name, content, lambda path: Door(None).runs(path)) for name, content in made.items()]
 
 
 def _diagnosis(folder: Path) -> dict[str, Any]:
