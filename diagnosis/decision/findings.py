@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from recordings.checks.finding import Finding, barring
 from testbench.effects import effect
-from testbench.effects.signature import Quantity
+from testbench.effects.signature import Quantity, WindowedColumns
 from testbench.robot import Robot
 
 from ..data.preparation import Prepared
@@ -45,6 +45,14 @@ class NamedEffect:
     candidate: Candidate
     confusable_with: tuple[str, ...] = ()
     held_out_share: float = 0.0
+
+    @property
+    def runs(self) -> tuple[int, ...]:
+        """The run of each interval of an event, as its parameters list them; none of what lasts."""
+        columns = self.candidate.member.columns
+        if not isinstance(columns, WindowedColumns):
+            return ()
+        return tuple(run for run, windows in enumerate(columns.windows) for _ in windows)
 
     @property
     def law(self) -> str:
@@ -153,6 +161,11 @@ class Diagnosis:
     one_sine: frozenset[int] = frozenset()
     differences: tuple[Difference, ...] = ()
     log_findings: tuple[Finding, ...] = ()
+
+    @property
+    def run_names(self) -> tuple[str, ...]:
+        """Names of the runs."""
+        return tuple(run.name for run in self.prepared.runs)
 
     @property
     def barred(self) -> Finding | None:

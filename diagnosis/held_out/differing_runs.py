@@ -1,8 +1,8 @@
-"""Runs that differ: one of them carries a tool, or has other offsets, as another day's torque sensors have.
+"""Runs that differ: one carries a tool, or has other offsets or other friction, as on another day or warm.
 
-Fitted as runs of one robot they bend its parameters. Each run is given a payload on the last link, or
-offsets, of its own beside the parameters of all; what explains most of what is left goes first, until nothing
-explains much. Its torque is taken off that run, which is then one of the robot's like the others.
+Fitted as runs of one robot they bend its parameters. Each run is given a payload on the last link, offsets,
+or friction, of its own beside the parameters of all; what explains most of what is left goes first, until
+nothing explains much. Its torque is taken off that run, which is then one of the robot's like the others.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.parameters import INERTIAL
+from identification.parameters import COULOMB, INERTIAL, PER_JOINT, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 
@@ -26,21 +26,25 @@ from .known_payload import known_payload
 
 Array = NDArray[np.float64]
 
-OFFSETS = "offsets"
+OFFSETS, FRICTION = "offsets", "friction"
 # A run differs where this share of the weighted squares that all runs leave goes with it, and this many
 # standard deviations of its payload's mass, or of its offsets together.
 SHARE, SURELY = 0.4, 8.0
-# And a mass is of this share of the arm's links, an offset of this share of the joint's torque, at least.
+# And a mass is of this share of the arm's links, an offset or Coulomb friction of this share of the joint's
+# torque, at least.
 LEAST_MASS, LEAST_OFFSET = 0.005, 0.02
+# Of the weighted squares at least this share is noise, not what one run has of its own.
+LEAST_LEFT = 0.01
 # A drive's gain is reported where it is known this well, relative.
 TOLD = 0.05
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A payload, or torque offsets, that one run has and the others have not.
+    """A payload, torque offsets, or friction, that one run has and the others have not.
 
-    run: its name. kind: PAYLOAD or OFFSETS. mass: kg, of a payload. offsets: (n,) N·m, zero of a payload.
+    run: its name. kind: PAYLOAD, OFFSETS or FRICTION. mass: kg, of a payload. offsets: (n,) N·m, zero but of
+    OFFSETS. friction: (2, n) N·m·s/rad and N·m, viscous and Coulomb beyond that of the others; of FRICTION.
     gains, deviations: (n,) of the drives by a payload of known mass, relative, true = (1 + gain) reported.
     """
 
@@ -50,6 +54,7 @@ class Difference:
     offsets: Array
     gains: Array | None = None
     deviations: Array | None = None
+    friction: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -111,6 +116,14 @@ def in_words(differences: Sequence[Difference], names: Sequence[str], units: Seq
                 "it is taken off before the fit."
             )
             continue
+        if each.friction is not None:
+            largest = int(np.argmax(np.abs(each.friction[1])))
+            more = f"{each.friction[1, largest]:+.3g} {units[largest]} at {names[largest]}"
+            said.append(
+                f"{each.run} has other friction than other runs, Coulomb {more}, as warm or cold joints "
+                "have; it is taken off before the fit."
+            )
+            continue
         largest = int(np.argmax(np.abs(each.offsets)))
         said.append(
             f"{each.run} has other offsets of torque than other runs, {each.offsets[largest]:.3g} "
@@ -131,19 +144,28 @@ def _most(prepared: Prepared, payload: Candidate, taken: set[str]) -> _Own | Non
         _explained(hypothesis, fitted, index, kind, payload)
         for index, run in enumerate(prepared.runs)
         if run.name not in taken
-        for kind in (PAYLOAD, OFFSETS)
+        for kind in (PAYLOAD, OFFSETS, FRICTION)
     ]
     able = [own for own in tried if own is not None and own.share > SHARE and _is_large(prepared, own)]
     return max(able, key=lambda own: own.share, default=None)
 
 
 def _explained(hypothesis: Design, fitted: Fit, index: int, kind: str, payload: Candidate) -> _Own | None:
-    """A run's own payload or offsets beside the parameters of all runs; None where nothing of it shows."""
+    """What a run has of its own kind beside the parameters of all runs; None where nothing of it shows."""
     prepared, base = hypothesis.prepared, ground(hypothesis.prepared)
     run, n = prepared.runs[index], hypothesis.prepared.joints
     if kind == PAYLOAD:
         whole, z = np.asarray(payload.member.columns[index]), payload.filtered[index]
         precision = payload.precision
+    elif kind == FRICTION:
+        each = (run.logged.dq, run.logged.direction)
+        whole = np.concatenate([values[:, :, None] * np.eye(n) for values in each], axis=2)
+        joints = PER_JOINT * np.arange(n)
+        z = np.concatenate(
+            [run.rows[:, np.arange(n), joints + own][:, :, None] * np.eye(n) for own in (VISCOUS, COULOMB)],
+            axis=2,
+        )
+        precision = np.zeros(2 * n)
     else:
         whole = np.broadcast_to(np.eye(n), (run.logged.samples, n, n))
         z = np.broadcast_to(np.eye(n), (len(run.time), n, n))
@@ -169,27 +191,34 @@ def _explained(hypothesis: Design, fitted: Fit, index: int, kind: str, payload: 
     found, full = np.zeros(k), np.zeros((k, k))
     found[shows], full[np.ix_(shows, shows)] = coefficients, covariance
     share = float(right @ coefficients) / max(left, 1e-300)
+    # The weights take what it explains for noise.
+    full *= max(1 - share, LEAST_LEFT)
     return _Own(index, kind, whole, found, full, share, payload if kind == PAYLOAD else None)
 
 
 def _is_large(prepared: Prepared, own: _Own) -> bool:
-    """Whether a payload could be one, or offsets are not next to nothing, and either is sure."""
+    """Whether a payload could be one, or offsets or friction are not next to nothing, and that is sure."""
     if own.payload is not None:
         mass, deviation = own.coefficients[INERTIAL - 1], np.sqrt(own.covariance[INERTIAL - 1, INERTIAL - 1])
         links = float(prepared.nominal.reshape(prepared.joints, -1)[:, INERTIAL - 1].sum())
         sure = mass > max(SURELY * deviation, LEAST_MASS * links)
         return bool(sure) and is_plausible(prepared.robot, own.payload, own.coefficients)
-    deviations = np.sqrt(np.maximum(np.diag(own.covariance), np.finfo(float).tiny))
-    large = np.abs(own.coefficients) > LEAST_OFFSET * ground(prepared).torque_rms
-    return bool(np.any(large & (np.abs(own.coefficients) > SURELY * deviations)))
+    # Of friction, Coulomb's.
+    n = prepared.joints
+    deviations = np.sqrt(np.maximum(np.diag(own.covariance)[-n:], np.finfo(float).tiny))
+    values = np.abs(own.coefficients[-n:])
+    large = values > LEAST_OFFSET * ground(prepared).torque_rms
+    return bool(np.any(large & (values > SURELY * deviations)))
 
 
 def _in_numbers(run: Run, own: _Own) -> Difference:
-    if own.payload is None:
+    zeros = np.zeros(own.whole.shape[1])
+    if own.kind == OFFSETS:
         return Difference(run.name, OFFSETS, None, own.coefficients)
+    if own.kind == FRICTION:
+        return Difference(run.name, FRICTION, None, zeros, friction=own.coefficients.reshape(2, -1))
     mass = float(own.coefficients[INERTIAL - 1])
     deviation = float(np.sqrt(own.covariance[INERTIAL - 1, INERTIAL - 1]))
-    zeros = np.zeros(own.whole.shape[1])
     return Difference(run.name, PAYLOAD, Quantity(mass, deviation, "kg"), zeros)
 
 

@@ -70,6 +70,7 @@ def diagnosis_document(
                 "probability": _number(each.probability),
                 "law": each.law,
                 "parameters": _parameters(each, name(each.into)),
+                "runs": [diagnosis.run_names[run] for run in each.runs],
                 "confusable_with": list(each.confusable_with),
                 "held_out_share": _number(each.held_out_share),
             }
@@ -129,6 +130,7 @@ def diagnosis_document(
                 "mass": None if each.mass is None else _quantity(each.mass),
                 "offsets": _numbers(each.offsets),
                 "gains": None if each.gains is None else _numbers(each.gains),
+                "friction": None if each.friction is None else [_numbers(part) for part in each.friction],
                 "deviations": None if each.deviations is None else _numbers(each.deviations),
             }
             for each in diagnosis.differences

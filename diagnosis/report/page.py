@@ -67,7 +67,7 @@ def render(
                 "place": words.place(robot, each.joint, each.into),
                 "probability": 100 * each.probability,
                 "share": 100 * each.held_out_share,
-                "parameters": words.parameters(each),
+                "parameters": words.parameters(each, diagnosis.run_names),
                 "confusable": words.titles(each.confusable_with) if each.confusable_with else "",
             }
             for each in diagnosis.effects

@@ -137,7 +137,9 @@ def _markdown(diagnosis: Diagnosis, next_experiment: NextExperiment | None) -> s
     lines = [f"**{diagnosis.sentence}**", ""]
     for each in diagnosis.effects:
         label = words.labelled(robot, each.effect, each.joint, each.into)
-        lines.append(f"- {label}: {100 * each.probability:.0f} %; {words.parameters(each)}")
+        lines.append(
+            f"- {label}: {100 * each.probability:.0f} %; {words.parameters(each, diagnosis.run_names)}"
+        )
     lines += ["", "| joint | unit | as given | re-identified | with effects | noise |", "|---" * 6 + "|"]
     for joint, (name, unit) in enumerate(zip(robot.joint_names, robot.units(), strict=True)):
         stages = (gap.nominal, gap.parameters, gap.effects, gap.noise_floor)

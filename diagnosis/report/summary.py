@@ -32,7 +32,8 @@ def summary(
         lines.append(_line("where", where))
     for each in diagnosis.effects[:MOST_EFFECTS]:
         label = words.labelled(robot, each.effect, each.joint, each.into)
-        lines.append(_line("effect", f"{label}: {100 * each.probability:.0f} %; {words.parameters(each)}"))
+        told = words.parameters(each, diagnosis.run_names)
+        lines.append(_line("effect", f"{label}: {100 * each.probability:.0f} %; {told}"))
     if diagnosis.effects and diagnosis.notes:
         lines.append(_line("unknown", diagnosis.notes[0]))
     lines += [_line("runs", each) for each in words.differences(diagnosis)]

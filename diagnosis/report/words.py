@@ -63,20 +63,31 @@ def _power_of_ten(value: float) -> int:
     return int(np.floor(np.log10(abs(value))))
 
 
-def _spans(times: Quantity) -> str:
-    """Start and end of each interval, s, which are known alike."""
+def _spans(times: Quantity, runs: Sequence[str]) -> str:
+    """Start and end of each interval, s, which are known alike. runs: the name of each one's, or none."""
     assert isinstance(times.value, tuple)
     assert isinstance(times.std, tuple)
     ends = [_known(v, s) for v, s in zip(times.value, times.std, strict=True)]
     spans = [f"{first} to {last}" for first, last in zip(ends[::2], ends[1::2], strict=True)]
-    return f"{', '.join(spans)} {times.unit} (each ± {significant(max(times.std, default=0.0), 2)})"
+    known = f"{times.unit} (each ± {significant(max(times.std, default=0.0), 2)})"
+    if not runs:
+        return f"{', '.join(spans)} {known}"
+    of_runs = dict.fromkeys(runs)
+    told = (
+        f"{', '.join(span for span, run in zip(spans, runs, strict=True) if run == each)} in {each}"
+        for each in of_runs
+    )
+    return f"{'; '.join(told)}, {known}"
 
 
-def parameters(named: NamedEffect) -> str:
-    """All parameters of a named effect on one line, after its law where that is not the effect's first."""
-    law = named.candidate.member.law
+def parameters(named: NamedEffect, runs: Sequence[str]) -> str:
+    """All parameters of a named effect on one line, after its law where that is not the effect's first.
+
+    runs: names of all runs, of which an event was in some.
+    """
+    law, of_event = named.candidate.member.law, [runs[index] for index in named.runs]
     values = [
-        f"{name.replace('_', ' ')} {_spans(value) if name == INTERVALS else quantity(value)}"
+        f"{name.replace('_', ' ')} {_spans(value, of_event) if name == INTERVALS else quantity(value)}"
         for name, value in named.parameters.items()
     ]
     return ("" if law is None else f"{law.replace('_', ' ')}, ") + ", ".join(values)

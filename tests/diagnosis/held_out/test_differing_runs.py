@@ -1,4 +1,4 @@
-"""Runs that differ: a tool in one of them, another day's offsets."""
+"""Runs that differ: a tool in one of them, another day's offsets, a warm robot, a push."""
 
 from dataclasses import replace
 
@@ -6,17 +6,24 @@ import numpy as np
 import pytest
 
 from diagnosis.data.preparation import prepare
+from diagnosis.diagnose import diagnose
 from diagnosis.fit.linearisation import PAYLOAD
-from diagnosis.held_out.differing_runs import OFFSETS, in_words, without_differences
+from diagnosis.held_out.differing_runs import FRICTION, OFFSETS, in_words, without_differences
 from diagnosis.job import diagnose_logs
 from identification.errors import InputError
 from testbench.effects import parse_injection
 from testbench.robot import Robot
 
 from ...diagnosed import simulated_runs
-from ...small_arm import small_arm
+from ...small_arm import ARM, small_arm
 
 MASS = 2.0
+# Friction of two thirds.
+WARM = ARM
+for cold, warm in (("2", "1.3333333"), ("1", "0.6666667")):
+    WARM = WARM.replace(f'frictionloss="{cold}"', f'frictionloss="{warm}"')
+for cold, warm in (("3", "2"), ("1", "0.6666667")):
+    WARM = WARM.replace(f'damping="{cold}"', f'damping="{warm}"')
 
 
 @pytest.fixture
@@ -74,7 +81,44 @@ def test_another_days_offsets_are_found(arm):
     assert "other offsets" in in_words([found], arm.joint_names, arm.units())[0]
 
 
-@pytest.mark.parametrize("effects", [(), ("payload::mass=2,first_moment_x=0.1",), ("gravity_spring:elbow",)])
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_warm_run_among_cold_ones_is_found_by_its_friction(arm, tmp_path, count):
+    (tmp_path / "warm").mkdir()
+    warm = small_arm(tmp_path / "warm", WARM)
+    runs = simulated_runs(arm, [], runs=count)
+    runs["run_2"] = simulated_runs(warm, [], runs=count)["run_2"]
+    alike, (found,) = without_differences(prepare(arm, runs))
+    assert (found.run, found.kind) == ("run_2", FRICTION)
+    assert found.friction is not None
+    # Shoulder and elbow: of 3 and 1 N·m·s/rad, and of 2 and 1 N·m, a third less.
+    np.testing.assert_allclose(found.friction, [[-1.0, -1 / 3], [-2 / 3, -1 / 3]], rtol=0.15)
+    cold = prepare(arm, simulated_runs(arm, [], runs=count)).runs[1]
+    left = alike.runs[1].torque - cold.torque
+    assert np.sqrt(np.mean(left**2)) < 0.05 * np.sqrt(np.mean(cold.torque**2))
+    assert "other friction" in in_words([found], arm.joint_names, arm.units())[0]
+
+
+def test_a_push_in_one_run_is_named_as_of_that_run_and_hides_no_effect_of_all(arm):
+    lasting = parse_injection(arm, "gravity_spring:shoulder:stiffness=8,phase=0.3")
+    push = parse_injection(arm, "external_contact:elbow:torque=8,start=1.7,duration=0.4")
+    runs = simulated_runs(arm, [lasting], runs=3)
+    runs["run_2"] = simulated_runs(arm, [lasting, push], runs=3)["run_2"]
+    found = {each.effect: each for each in diagnose(arm, runs).effects}
+    assert set(found) == {"gravity_spring", "external_contact"}
+    assert found["external_contact"].runs == (1,)
+    assert found["gravity_spring"].runs == ()
+
+
+EFFECTS_OF_ALL = [
+    (),
+    ("payload::mass=2,first_moment_x=0.1",),
+    ("gravity_spring:elbow",),
+    ("stribeck_friction:shoulder",),
+    ("thermal_friction_drift:elbow",),
+]
+
+
+@pytest.mark.parametrize("effects", EFFECTS_OF_ALL)
 def test_runs_of_one_robot_are_alike(arm, effects):
     injections = [parse_injection(arm, each) for each in effects]
     prepared = prepare(arm, simulated_runs(arm, injections, runs=3))

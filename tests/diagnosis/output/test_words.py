@@ -30,9 +30,12 @@ def test_a_number_is_told_as_far_as_it_is_known(value, deviation, expected):
 def test_when_a_push_was_is_told_by_the_clock_of_the_logs():
     times = Quantity((310.6508, 311.1268, 1546.8304, 1547.2664), (0.101,) * 4, "s")
     named: Any = SimpleNamespace(
-        candidate=SimpleNamespace(member=SimpleNamespace(law=None)), parameters={"intervals": times}
+        candidate=SimpleNamespace(member=SimpleNamespace(law=None)),
+        parameters={"intervals": times},
+        runs=(0, 2),
     )
-    assert parameters(named) == "intervals 310.7 to 311.1, 1546.8 to 1547.3 s (each ± 0.1)"
+    told = parameters(named, ("calm", "quiet", "pushed"))
+    assert told == "intervals 310.7 to 311.1 in calm; 1546.8 to 1547.3 in pushed, s (each ± 0.1)"
 
 
 def test_a_floor_of_low_passed_logs_is_told_as_a_bound(robot, runs, answer):
