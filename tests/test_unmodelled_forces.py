@@ -94,6 +94,15 @@ def test_a_simulator_with_effects_is_a_model_without_them_and_says_so(tmp_path):
     assert again.notes == (f"a corrected simulator: {spring_left_out}",)
 
 
+def test_joints_that_share_a_drive_in_a_simulator_are_no_gripper(tmp_path):
+    arm = small_arm(tmp_path)
+    coupling = parse_injection(arm, "joint_coupling:shoulder:into=elbow,viscous=1,coulomb=2")
+    write_effects(arm, [coupling], tmp_path / "corrected.xml")
+    again = load_robot(tmp_path / "corrected.xml")
+    assert again.joint_names == arm.joint_names
+    assert "frictionloss 2 of tendon shoulder_elbow_coupling" in again.notes[0]
+
+
 def test_a_simulator_whose_effects_are_no_forces_is_a_model(tmp_path):
     arm = small_arm(tmp_path)
     write_effects(arm, [parse_injection(arm, "base_tilt::roll=0.1,pitch=0")], tmp_path / "corrected.xml")

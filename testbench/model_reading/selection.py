@@ -12,6 +12,8 @@ from identification.errors import InputError
 HINGE_OR_SLIDE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 JOINT_EQUALITY = int(mujoco.mjtEq.mjEQ_JOINT)
+TENDON_EQUALITY = int(mujoco.mjtEq.mjEQ_TENDON)
+TENDON_DRIVE = int(mujoco.mjtTrn.mjTRN_TENDON)
 JOINT_WRAP = int(mujoco.mjtWrap.mjWRAP_JOINT)
 
 
@@ -92,8 +94,9 @@ def _carried(model: Any, free: int) -> set[int]:
 def _of_grippers(model: Any, joints: set[int]) -> set[int]:
     """Joints that others follow or that follow others, beyond which no joint moves by itself: of a gripper.
 
-    They are coupled by an active joint equality (a URDF's mimic), or by one fixed tendon. Where other joints
-    lie beyond a coupled one, as in a parallelogram, all of that group stay.
+    They are coupled by an active joint equality (a URDF's mimic), or by one fixed tendon, but for one that
+    only brakes, as a drive shared by two joints does. Where other joints lie beyond a coupled one, as in a
+    parallelogram, all of that group stay.
     """
     groups: list[set[int]] = []
     for equality in np.flatnonzero((model.eq_type == JOINT_EQUALITY) & model.eq_active0):
@@ -101,7 +104,7 @@ def _of_grippers(model: Any, joints: set[int]) -> set[int]:
         groups.append(pair - {-1})
     for tendon in range(model.ntendon):
         wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-        if np.all(model.wrap_type[wraps] == JOINT_WRAP):
+        if np.all(model.wrap_type[wraps] == JOINT_WRAP) and not _only_brakes(model, tendon):
             groups.append({int(joint) for joint in model.wrap_objid[wraps]})
     merged: list[set[int]] = []
     for group in groups:
@@ -115,6 +118,15 @@ def _of_grippers(model: Any, joints: set[int]) -> set[int]:
         if not any(_beyond(model, outer, inner) for outer in apart for inner in group)
         for joint in group & joints
     }
+
+
+def _only_brakes(model: Any, tendon: int) -> bool:
+    """Whether all that a tendon does is friction: nothing drives it, and it holds nothing together."""
+    driven = (model.actuator_trntype == TENDON_DRIVE) & (model.actuator_trnid[:, 0] == tendon)
+    tied = (model.eq_type == TENDON_EQUALITY) & ((model.eq_obj1id == tendon) | (model.eq_obj2id == tendon))
+    holds = driven.any() or tied.any() or model.tendon_stiffness[tendon] or model.tendon_limited[tendon]
+    brakes = model.tendon_frictionloss[tendon] or model.tendon_damping[tendon]
+    return bool(brakes and not holds)
 
 
 def _beyond(model: Any, outer: int, inner: int) -> bool:
