@@ -10,6 +10,7 @@ from identification.errors import InputError
 from testbench.cli import main
 from testbench.log import read_log
 from testbench.robot import Robot
+from testbench.simulate import torque_noise
 from testbench.simulation import (
     ControllerOptions,
     Reference,
@@ -269,3 +270,19 @@ def test_from_the_command_line(place: Path, capfd: pytest.CaptureFixture[str]) -
     assert "a position actuator on every joint" in said
     said = complaint(f"{drive} --controller pd --bandwidth 0.05 --out none.h5", capfd)
     assert not (place / "none.h5").exists()
+
+
+@pytest.mark.parametrize(("limit", "noise"), [(40, 0.4), (1e6, 0.01 * 9.81)])
+def test_torque_noise_is_of_the_limit_where_that_is_a_rating(
+    tmp_path: Path, limit: float, noise: float
+) -> None:
+    # 1 kg a metre out, nearly still.
+    arm = (
+        '<mujoco><worldbody><body><inertial pos="1 0 0" mass="1" diaginertia=".1 .1 .1"/>'
+        f'<joint name="lift" axis="0 1 0" range="-1 1" actuatorfrcrange="-{limit} {limit}"/></body>'
+        "</worldbody></mujoco>"
+    )
+    robot = robot_from(arm, tmp_path)
+    share, line = torque_noise(robot, sample_reference(Sines((0.001,), (1,), 10.0), 100))
+    assert (share * robot.limits.torque).item() == pytest.approx(noise, rel=0.01)
+    assert ("are no ratings" in line) == (limit > 100)
