@@ -82,7 +82,7 @@ def diagnose(
     accepted, bursts = pushes_that_hold(accepted, gap)
     found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold, *bursts))
     found = _without_doubtful(found, kept)
-    if (alone := _only_by_itself(found)).any() and kept.effects[alone].any():
+    if (alone := _hardly_seen(found)).any() and kept.effects[alone].any():
         # What other joints' motion would make of them was never seen.
         kept = replace(kept, effects=np.where(alone, 0.0, kept.effects))
         found = replace(found, accepted=with_support(found.accepted, kept))
@@ -130,9 +130,9 @@ def diagnose(
     )
 
 
-def _only_by_itself(found: Attribution) -> NDArray[np.bool_]:
-    """Which joints (n,) only ever move by themselves, and have no effect with a name."""
-    alone = found.prepared.by_itself.copy()
+def _hardly_seen(found: Attribution) -> NDArray[np.bool_]:
+    """Which joints (n,) move by themselves, or too little for any cause to be seen, and have none reported."""
+    alone = found.prepared.by_itself | ~found.hypothesis.has_enough_samples
     for item in found.accepted:
         if item.named and item.candidate.family.joint is not None:
             alone[item.candidate.family.joint] = False
