@@ -131,7 +131,7 @@ def diagnose(
 
 
 def _hardly_seen(found: Attribution) -> NDArray[np.bool_]:
-    """Which joints (n,) move by themselves, or too little for any cause to be seen, and have none reported."""
+    """Joints (n,) that move by themselves, or too little for a cause to be seen, and have none reported."""
     alone = found.prepared.by_itself | ~found.hypothesis.has_enough_samples
     for item in found.accepted:
         if item.named and item.candidate.family.joint is not None:
