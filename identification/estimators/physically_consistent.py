@@ -1,4 +1,4 @@
-"""Weighted least squares over parameters that a real arm could have, by semidefinite programming.
+"""Weighted least squares over parameters that a real arm could have, with a faint pull to the model.
 
 Every link's pseudo-inertia is positive definite, armature and friction are not negative: see
 physical_consistency.py. It is the one estimator that also finds a full standard vector.
@@ -14,7 +14,7 @@ from . import wls
 
 
 def estimate(problem: Problem) -> Estimate:
-    """The consistent parameters of least weighted squares; ``standard`` holds all 14 n of them.
+    """The consistent parameters of least weighted squares and divergence; ``standard`` holds all 14 n.
 
     The covariance is that of the unconstrained estimate, which the constraints can only narrow.
     """
