@@ -84,7 +84,8 @@ def diagnose(
     found = _without_doubtful(found, kept)
     if (alone := _hardly_seen(found)).any() and kept.effects[alone].any():
         # What other joints' motion would make of them was never seen.
-        kept = replace(kept, effects=np.where(alone, 0.0, kept.effects))
+        seen = np.where(alone, 0.0, kept.effects)
+        kept = replace(kept, effects=seen, effects_whole=kept.effects_whole * float(seen.any()))
         found = replace(found, accepted=with_support(found.accepted, kept))
         effects_left = tuple(np.where(alone, a, b) for a, b in zip(left[1], left[2], strict=True))
         gap = _gap(prepared, final[0], (left[0], left[1], effects_left))
