@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import AS_LOGGED, Chosen, Jobs, Map, Model, ScenarioSeed, Seed, at_least_one
+from .options import AS_LOGGED, AS_STATED, Chosen, Drives, Jobs, Map, Model, ScenarioSeed, Seed, at_least_one
 
 
 def diagnose(
@@ -61,14 +61,30 @@ def predict(
     log: Annotated[Path, Parameter(help="robot-log, or recording, whose motion to predict along")],
     /,
     *,
-    diagnosis: Annotated[Path, Parameter(help="folder that diagnose has written")],
+    diagnosis: Annotated[
+        Path, Parameter(help="folder that diagnose has written, or identify of drives without torque")
+    ],
     out: Annotated[Path, Parameter(help="HDF5 to write")],
     raw: Annotated[
         bool, Parameter(help="at all frequencies, not in each joint's band alone", negative=())
     ] = False,
+    repeat: Annotated[
+        Path | None, Parameter(help="another run of the same command: how well the robot repeats itself")
+    ] = None,
+    drives: Drives = AS_STATED,
     map: Map = None,
 ) -> None:
-    """Predict the torque along a log's motion by the corrected model; the log's torque is not read."""
+    """Predict the torque along a log's motion by the corrected model; the log's torque is not read.
+
+    Of drives without measured torque, the position: the closed loop is simulated on the log's command.
+    """
+    from testbench.drives.document import is_drives
+
+    if is_drives(diagnosis):
+        from testbench.drives.job import predict_position
+
+        predict_position(diagnosis, log, out, drives.stated(), map, repeat)
+        return
     from diagnosis.correction.prediction import predict as predict_torque
 
     predict_torque(diagnosis, log, out, raw, map)

@@ -5,7 +5,19 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import AS_LOGGED, Chosen, Jobs, Map, Model, ScenarioSeed, Seed, at_least, at_least_one
+from .options import (
+    AS_LOGGED,
+    AS_STATED,
+    Chosen,
+    Drives,
+    Jobs,
+    Map,
+    Model,
+    ScenarioSeed,
+    Seed,
+    at_least,
+    at_least_one,
+)
 
 
 def run(
@@ -142,6 +154,10 @@ def identify(
         bool, Parameter(help="refuse a motion that leaves a base parameter open, hold nothing", negative=())
     ] = False,
     chosen: Chosen = AS_LOGGED,
+    drives: Drives = AS_STATED,
+    fit_share: Annotated[
+        float, Parameter(help="of each log without torque that is fitted; the rest of it judges")
+    ] = 1.0,
     write_model: Annotated[
         Path | None, Parameter(help="MJCF to write: the model as identified, physically consistent")
     ] = None,
@@ -159,8 +175,18 @@ def identify(
     from identification.pipeline import IdentificationOptions
 
     from ..containment.folder import results_folder
+    from ..drives.reading import measures_no_torque
     from ..identify import identify_logs
 
+    stated = drives.stated()
+    if stated is not None or measures_no_torque(logs[0], map):
+        from ..drives.job import identify_servo_logs
+
+        with results_folder(out, ("estimate.json",)):
+            identify_servo_logs(
+                model, logs, validate or [], out, stated, fit_share, write_model, map, chosen.choice()
+            )
+        return
     groups = tuple(GROUPS) if parameters is None else tuple(parameters)
     preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
     options = IdentificationOptions(estimator, groups, preprocessing, strict, own_bands=True)

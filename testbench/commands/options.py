@@ -75,3 +75,71 @@ class Chosen:
 
 # A default that cyclopts fills in where options are given.
 AS_LOGGED = Chosen()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Drives:
+    """The drives of a robot whose torque was not measured."""
+
+    drive: Annotated[
+        str | None,
+        Parameter(
+            help="position_servo, or a YAML file that states it: no torque was measured, fit the position"
+        ),
+    ] = None
+    kp: Annotated[
+        list[float] | None,
+        Parameter(
+            help="of its servos, N·m/rad; one value, or one a joint", consume_multiple=True, negative=()
+        ),
+    ] = None
+    kd: Annotated[
+        list[float] | None,
+        Parameter(help="of its servos, N·m·s/rad; likewise", consume_multiple=True, negative=()),
+    ] = None
+    gain_factor: Annotated[
+        float | None, Parameter(help="N·m/rad for one unit of kp and kd, where they are the firmware's")
+    ] = None
+    gain_spread: Annotated[
+        float | None, Parameter(help="relative standard deviation of the gains; 0.1 when not given")
+    ] = None
+    delay_range: Annotated[
+        tuple[float, float] | None, Parameter(help="s, of the command; 0 0.1 when not given", negative=())
+    ] = None
+    torque_limit: Annotated[
+        list[float] | None,
+        Parameter(help="N·m of the drives; the model's when not given", consume_multiple=True, negative=()),
+    ] = None
+
+    def stated(self) -> Any:
+        """The ``drives.stated.StatedDrive`` of these options, None where none is given. Raises InputError."""
+        from ..drives.stated import SERVO, read_stated, stated_by_options
+
+        options = {
+            "kp": _one_or_all(self.kp),
+            "kd": _one_or_all(self.kd),
+            "factor": self.gain_factor,
+            "spread": self.gain_spread,
+            "delay": self.delay_range,
+            "limit": _one_or_all(self.torque_limit),
+        }
+        given = any(value is not None for value in options.values())
+        if self.drive is None:
+            if given:
+                raise InputError("testbench", "--drive", f"{SERVO} with the options of a drive", "none")
+            return None
+        if self.drive == SERVO:
+            return stated_by_options(**options)
+        if given:
+            expected = "a drive's figures in its file or as options"
+            raise InputError("testbench", "--drive", expected, f"both {self.drive} and options")
+        return read_stated(Path(self.drive))
+
+
+def _one_or_all(values: list[float] | None) -> float | tuple[float, ...] | None:
+    return values[0] if values is not None and len(values) == 1 else None if values is None else tuple(values)
+
+
+# A default that cyclopts fills in where options are given.
+AS_STATED = Drives()

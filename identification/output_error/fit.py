@@ -1,0 +1,216 @@
+"""Output error: the unknowns whose simulated closed loop moves as the robot did.
+
+Minimises half of sum_j |q_j - q_sim,j(x)|² / (s_j² f_j) + |(x - mean) / deviation|² by Levenberg-Marquardt.
+s_j and f_j are the residual's deviation and its inflation by autocorrelation: a residual of ten periods of one
+slow error counts for ten samples, not for thousands. The Jacobian is by forward differences, and all
+its simulations are one batch, as are the trial steps.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chain import Chain
+from ..covariance import variance_inflation
+from .servo_loop import Simulated, Window, simulate
+from .servo_run import ServoRun, counted, windows
+from .unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+# Step of a difference, in the prior's deviations.
+DIFFERENCE = 1e-3
+# Levenberg's factor at first, and what a batch of trial steps multiplies it by.
+DAMPING, TRIALS = 1e-3, (0.01, 0.1, 1.0, 10.0, 100.0, 1e4)
+ITERATIONS, REWEIGHTINGS = 30, 3
+# Stop when an iteration gains less log-likelihood, or weights change by less than this share.
+GAIN, SETTLED = 1e-2, 0.05
+# Numbers that are simulated at once, which bounds memory.
+AT_ONCE = 8_000_000
+# rad (m): below it a residual is rounding.
+SMALLEST = 1e-9
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Values (m,) of the unknowns and their covariance (m, m).
+
+    residual_std, inflation: (n,) rad and its factor by autocorrelation. effective_samples: (n,). data: (m, m),
+    the information of the runs without the prior's. iterations: of Levenberg-Marquardt.
+    """
+
+    unknowns: Unknowns
+    values: Array
+    covariance: Array
+    residual_std: Array
+    inflation: Array
+    effective_samples: Array
+    data: Array
+    iterations: int
+
+    @property
+    def std(self) -> Array:
+        """Deviations (m,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def table(self) -> Array:
+        """The plant's table (n, WIDTH)."""
+        return self.unknowns.table(self.values)
+
+
+def fit(
+    chain: Chain, unknown: Unknowns, runs: Sequence[ServoRun], start: Array, threads: int | None = None
+) -> Fit:
+    """The fit of a limb's runs from a start (m,). All runs are sampled at one rate, or each at its own."""
+    problem = _Problem(chain, unknown, runs, threads)
+    values = problem.simulatable(unknown.held(start))
+    weights = problem.weights(values)
+    iterations = 0
+    for _ in range(REWEIGHTINGS):
+        values, taken = _minimised(problem, values, weights)
+        iterations += taken
+        before, weights = weights, problem.weights(values)
+        if np.all(np.abs(weights / before - 1) < SETTLED):
+            break
+    information, _, _ = problem.linearised(values, weights)
+    scale = unknown.deviation
+    covariance = np.linalg.inv(information + np.eye(unknown.count)) * np.outer(scale, scale)
+    residuals = problem.residuals(values)
+    std, inflation = _spread(residuals)
+    return Fit(
+        unknowns=unknown,
+        values=values,
+        covariance=covariance,
+        residual_std=std,
+        inflation=inflation,
+        effective_samples=sum(len(each) for each in residuals) / inflation,
+        data=information / np.outer(scale, scale),
+        iterations=iterations,
+    )
+
+
+class _Problem:
+    """Simulations of a limb's windows, and what follows from them; unknowns in units of their prior."""
+
+    def __init__(self, chain: Chain, unknown: Unknowns, runs: Sequence[ServoRun], threads: int | None):
+        self._chain, self.unknown, self._threads = chain, unknown, threads
+        self._groups: list[tuple[ServoRun, list[Window]]] = []
+        candidates = unknown.count + 1
+        for run in runs:
+            together: list[Window] = []
+            for window in windows(run):
+                size = sum(each.stop - each.start for each in (*together, window))
+                if together and 3 * size * chain.joints * candidates > AT_ONCE:
+                    self._groups.append((run, together))
+                    together = []
+                together.append(window)
+            self._groups.append((run, together))
+
+    def _batch(self, run: ServoRun, own: Sequence[Window], values: Array) -> list[list[Simulated]]:
+        tables = self.unknown.table(values)
+        return simulate(self._chain, tables, own, run.rate, self._threads)
+
+    def _errors(self, run: ServoRun, own: Sequence[Window], simulated: Sequence[Simulated]) -> list[Array]:
+        """Simulated less measured position in each window after its settling, (M, n)."""
+        return [
+            (each.position - run.position[window.start : window.stop])[counted(window, run.rate)]
+            for window, each in zip(own, simulated, strict=True)
+        ]
+
+    def residuals(self, values: Array) -> list[Array]:
+        """Of every window, (M, n) rad."""
+        return [
+            error
+            for run, own in self._groups
+            for error in self._errors(run, own, self._batch(run, own, values[None])[0])
+        ]
+
+    def simulatable(self, values: Array) -> Array:
+        """Values (m,), moved towards the prior's mean until no window runs away.
+
+        Inertia from a regression need not be positive along the whole motion.
+        """
+        centre = self.unknown.held(self.unknown.mean)
+        for share in (1.0, 0.5, 0.25, 0.125):
+            trial = centre + share * (values - centre)
+            if all(np.isfinite(each).all() for each in self.residuals(trial)):
+                return trial
+        return centre
+
+    def weights(self, values: Array) -> Array:
+        """(n,) 1/rad, one over s_j sqrt(f_j)."""
+        std, inflation = _spread(self.residuals(values))
+        return np.asarray(1 / (np.maximum(std, SMALLEST) * np.sqrt(inflation)))
+
+    def costs(self, values: Array, weights: Array) -> Array:
+        """Half the weighted squares and the prior's, of candidates (C, m); infinite where one runs away."""
+        scaled = (values - self.unknown.mean) / self.unknown.deviation
+        total = 0.5 * np.sum(scaled**2, axis=1)
+        for run, own in self._groups:
+            for index, simulated in enumerate(self._batch(run, own, values)):
+                for error in self._errors(run, own, simulated):
+                    total[index] += 0.5 * float(np.sum((error * weights) ** 2))
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def linearised(self, values: Array, weights: Array) -> tuple[Array, Array, float]:
+        """Information (m, m) and gradient (m,) of the runs and their half squares, in the prior's units."""
+        unknown, m = self.unknown, self.unknown.count
+        # A step goes where there is room.
+        towards = np.where(values + DIFFERENCE * unknown.deviation > unknown.upper, -1.0, 1.0)
+        moved = values + np.vstack([np.zeros(m), np.diag(towards * DIFFERENCE * unknown.deviation)])
+        information, gradient, total = np.zeros((m, m)), np.zeros(m), 0.0
+        for run, own in self._groups:
+            errors = [self._errors(run, own, each) for each in self._batch(run, own, moved)]
+            for index, base in enumerate(errors[0]):
+                rows = np.stack([each[index] - base for each in errors[1:]], axis=-1)
+                rows = (rows * (weights[:, None] * towards / DIFFERENCE)).reshape(-1, m)
+                # A difference of a candidate that ran away tells nothing.
+                rows = np.where(np.isfinite(rows), rows, 0.0)
+                weighted = (base * weights).ravel()
+                information += rows.T @ rows
+                gradient += rows.T @ weighted
+                total += 0.5 * float(weighted @ weighted)
+        return information, gradient, total
+
+
+def _spread(residuals: Sequence[Array]) -> tuple[Array, Array]:
+    """Deviation and inflation (n,) of residuals; each window's own course counts, its mean too."""
+    residuals = [np.where(np.isfinite(each), each, 1.0) for each in residuals]
+    variance, inflation = variance_inflation(
+        residuals, [np.ones(each.shape, dtype=bool) for each in residuals]
+    )
+    return np.sqrt(variance), inflation
+
+
+def _minimised(problem: _Problem, values: Array, weights: Array) -> tuple[Array, int]:
+    """Levenberg-Marquardt from values (m,), within the bounds; the values and how many iterations it took."""
+    unknown, damping = problem.unknown, DAMPING
+    for iteration in range(1, ITERATIONS + 1):
+        information, gradient, total = problem.linearised(values, weights)
+        scaled = (values - unknown.mean) / unknown.deviation
+        cost = total + 0.5 * float(scaled @ scaled)
+        matrix, slope = information + np.eye(unknown.count), gradient + scaled
+        # What lies on a bound and is pushed beyond it stays there.
+        pushed = ((values <= unknown.lower) & (slope > 0)) | ((values >= unknown.upper) & (slope < 0))
+        free = np.flatnonzero(~pushed)
+        trials = np.tile(values, (len(TRIALS), 1))
+        for trial, factor in zip(trials, TRIALS, strict=True):
+            own = matrix[np.ix_(free, free)].copy()
+            own[np.diag_indices(len(free))] *= 1 + damping * factor
+            trial[free] -= np.linalg.solve(own, slope[free]) * unknown.deviation[free]
+        trials = unknown.held(trials)
+        costs = problem.costs(trials, weights)
+        best = int(np.argmin(costs))
+        if not costs[best] < cost:
+            if damping > 1:
+                return values, iteration
+            damping *= TRIALS[-1] * 10
+            continue
+        gained, values = cost - costs[best], trials[best]
+        damping = float(np.clip(damping * TRIALS[best], 1e-8, 1e8))
+        if gained < GAIN:
+            return values, iteration
+    return values, ITERATIONS

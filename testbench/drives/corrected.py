@@ -1,0 +1,62 @@
+"""The identified robot with its servos as MJCF: control is the commanded position."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from identification.errors import InputError
+from identification.output_error.plant import DELAY, KD_SCALE, KP_SCALE, LIMIT
+from identification.parameters import OFFSET, PER_JOINT
+
+from ..files import replacing
+from ..model_file import write_model
+from .identified import IdentifiedDrives
+
+
+def write_corrected(found: IdentifiedDrives, path: Path) -> None:
+    """Write the model with its identified parameters and position servos, for plain MuJoCo; whole or not at all.
+
+    Each joint has one actuator: kp (ctrl delayed - q) - kd dq - offset, within the drive's limit. The delay is
+    MuJoCo's own, in steps of the model's time step. Raises InputError for what MuJoCo refuses.
+    """
+    table, servo = found.identified, found.servo
+    write_model(found.robot, table[:, :PER_JOINT].ravel(), path)
+    root = ElementTree.parse(path).getroot()
+    for old in root.findall("actuator") + root.findall("keyframe"):
+        root.remove(old)
+    option = root.find("option")
+    if option is None:
+        option = ElementTree.SubElement(root, "option")
+    option.set("integrator", "implicitfast")
+    step = float(option.get("timestep", "0.002"))
+    actuators = ElementTree.SubElement(root, "actuator")
+    for joint, name in enumerate(found.robot.joint_names):
+        kp, kd = table[joint, KP_SCALE] * servo.kp[joint], table[joint, KD_SCALE] * servo.kd[joint]
+        element = ElementTree.SubElement(actuators, "general")
+        fields = {
+            "name": name,
+            "joint": name,
+            "biastype": "affine",
+            "gainprm": _text(kp),
+            "biasprm": _text(-table[joint, OFFSET], -kp, -kd),
+        }
+        if np.isfinite(table[joint, LIMIT]):
+            fields["forcerange"] = _text(-table[joint, LIMIT], table[joint, LIMIT])
+        if table[joint, DELAY] >= step / 2:
+            fields["delay"] = _text(table[joint, DELAY])
+            fields["nsample"] = str(int(np.ceil(table[joint, DELAY] / step)) + 1)
+        for key, value in fields.items():
+            element.set(key, value)
+    ElementTree.indent(root)
+    with replacing(path) as temporary:
+        ElementTree.ElementTree(root).write(temporary, encoding="utf-8")
+        try:
+            mujoco.MjModel.from_xml_path(str(temporary))
+        except (ValueError, mujoco.FatalError) as error:
+            raise InputError(path, "model", "servos that MuJoCo accepts", str(error)) from None
+
+
+def _text(*values: float) -> str:
+    return " ".join(repr(float(value)) for value in values)

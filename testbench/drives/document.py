@@ -1,0 +1,162 @@
+"""estimate.json of identified drives: for machines, and all that simulating the corrected robot needs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.chain import Chain
+from identification.errors import InputError
+from identification.output_error.plant import COLUMNS, LIMIT, WIDTH
+
+from ..containment.json_text import read_bounded_json
+from ..files import require_file
+from ..model_reading.limits import Limits
+from .identified import IdentifiedDrives
+
+Array = NDArray[np.float64]
+
+DOCUMENT, FORMAT, VERSION = "estimate.json", "drive-estimate", 1
+ARRAYS = ("rotation", "translation", "gravity", "springs")
+
+
+@dataclass(frozen=True)
+class Errors:
+    """RMS of the simulated position less the measured one, (n,) rad (m): by the model as given, as identified."""
+
+    role: str
+    given: Array
+    identified: Array
+
+
+@dataclass(frozen=True)
+class ReadDrives:
+    """What predicting needs of an estimate. given, identified: tables (n, WIDTH). kp, kd: (n,) as stated."""
+
+    chain: Chain
+    limits: Limits
+    given: Array
+    identified: Array
+    kp: Array
+    kd: Array
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """n names."""
+        return self.chain.joint_names
+
+
+def drives_document(
+    found: IdentifiedDrives, errors: Sequence[Errors], remarks: Sequence[str]
+) -> dict[str, Any]:
+    """What estimate.json holds, as plain JSON types; what is not known, or infinite, is null."""
+    chain, servo = found.robot.chain, found.servo
+    return {
+        "format": FORMAT,
+        "format_version": VERSION,
+        "robot": found.robot.name,
+        "joint_names": list(chain.joint_names),
+        "drive": {"kind": "position_servo", "kp": servo.kp.tolist(), "kd": servo.kd.tolist()},
+        "figures": [
+            {
+                "name": each.name,
+                "joint": each.joint,
+                "value": each.value,
+                "std": each.std,
+                "unit": each.unit,
+                "prior": each.prior,
+                "prior_std": each.prior_std,
+                "determined": None if each.is_determined is None else bool(each.is_determined),
+            }
+            for each in found.figures
+        ],
+        "alike": [
+            {
+                "name": each.name,
+                "joints": list(each.joints),
+                "value": each.value,
+                "std": each.std,
+                "unit": each.unit,
+                "p_value": each.p_value,
+            }
+            for each in found.alike
+        ],
+        "position_rms": {
+            each.role: {"given": each.given.tolist(), "identified": each.identified.tolist()}
+            for each in errors
+        },
+        "effective_samples": np.concatenate([each.effective_samples for each in found.fits]).tolist(),
+        "remarks": list(remarks),
+        "plant": {
+            "columns": list(COLUMNS),
+            "given": _table(found.given),
+            "identified": _table(found.identified),
+            "chain": {
+                "joint_names": list(chain.joint_names),
+                "is_slide": chain.is_slide.tolist(),
+                "parent": chain.parent.tolist(),
+                **{name: getattr(chain, name).tolist() for name in ARRAYS},
+            },
+        },
+        "units": "SI at the joint",
+    }
+
+
+def _table(table: Array) -> list[list[float | None]]:
+    return [[float(value) if np.isfinite(value) else None for value in row] for row in table]
+
+
+def is_drives(directory: Path) -> bool:
+    """Whether a folder holds identified drives."""
+    path = directory / DOCUMENT
+    if not path.is_file():
+        return False
+    document = read_bounded_json(path, "estimate")
+    return isinstance(document, dict) and document.get("format") == FORMAT
+
+
+def read_drives(directory: Path) -> ReadDrives:
+    """The identified drives of a folder. Raises InputError for anything but what ``identify`` writes."""
+    path = directory / DOCUMENT
+    require_file(path, "estimate", "a folder in which identify has written of drives")
+    document = read_bounded_json(path, "estimate")
+    try:
+        plant, drive = document["plant"], document["drive"]
+        if document["format"] != FORMAT or plant["columns"] != list(COLUMNS):
+            raise ValueError(f"{document['format']} with {len(plant['columns'])} columns")
+        part = plant["chain"]
+        chain = Chain(
+            joint_names=tuple(part["joint_names"]),
+            parent=np.array(part["parent"], dtype=np.int64),
+            is_slide=np.array(part["is_slide"], dtype=bool),
+            **{name: np.array(part[name], dtype=np.float64) for name in ARRAYS},
+        )
+        n = chain.joints
+        given, identified = (
+            np.array(
+                [[np.inf if value is None else value for value in row] for row in plant[name]],
+                dtype=np.float64,
+            )
+            for name in ("given", "identified")
+        )
+        kp, kd = (np.array(drive[name], dtype=np.float64) for name in ("kp", "kd"))
+        shapes = {"plant": (given, identified), "gains": (kp, kd)}
+        expected = {"plant": (n, WIDTH), "gains": (n,)}
+        for name, arrays in shapes.items():
+            for each in arrays:
+                finite = np.delete(each, LIMIT, axis=1) if name == "plant" else each
+                if each.shape != expected[name] or not np.isfinite(finite).all():
+                    raise ValueError(f"{name} of shape {each.shape}, or not finite")
+        shapes_of_chain = ((n, 3, 3), (n, 3), (3,), (n, 4))
+        for name, shape in zip(ARRAYS, shapes_of_chain, strict=True):
+            if getattr(chain, name).shape != shape or not np.isfinite(getattr(chain, name)).all():
+                raise ValueError(f"{name} of shape {getattr(chain, name).shape}, or not finite")
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
+        expected_text = "drives as identify writes them"
+        raise InputError(path, "plant", expected_text, f"{type(error).__name__}: {error}") from None
+    endless = np.full(n, np.inf)
+    limits = Limits(-endless, endless, endless, endless, identified[:, LIMIT])
+    return ReadDrives(chain, limits, given, identified, kp, kd)

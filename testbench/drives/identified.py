@@ -1,0 +1,217 @@
+"""The identification of a robot's drives: every limb fitted, and what its simulation is judged by."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from identification.inverse_dynamics import mass_matrices
+from identification.output_error.fit import Fit, fit
+from identification.output_error.plant import KD_SCALE, WIDTH, Limb, limbs, plant_table
+from identification.output_error.servo_loop import Window, simulate
+from identification.output_error.servo_run import ServoRun
+from identification.output_error.start import regression_start
+from identification.output_error.unknowns import Knowledge, Unknowns, unknowns
+from identification.parameters import ARMATURE, VISCOUS, without_friction
+
+from ..robot import Robot
+from .stated import Servo
+
+Array = NDArray[np.float64]
+
+# Poses at which a joint's inertia is averaged.
+POSES = 64
+# Share of the prior's variance that a determined figure keeps at most.
+DETERMINED = 0.5
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure of one joint: as identified, and as known before (None for a sum of two)."""
+
+    name: str
+    unit: str
+    joint: str
+    value: float
+    std: float
+    prior: float | None
+    prior_std: float | None
+
+    @property
+    def is_determined(self) -> bool | None:
+        """Whether the runs know it better than it was known before; None where nothing was."""
+        return None if self.prior_std is None else self.std**2 <= DETERMINED * self.prior_std**2
+
+
+@dataclass(frozen=True)
+class Alike:
+    """A figure of the same joint of several limbs: their common value, and whether they differ by chance.
+
+    p_value: of the hypothesis that they are one (chi-squared of their deviations).
+    """
+
+    name: str
+    unit: str
+    joints: tuple[str, ...]
+    value: float
+    std: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class IdentifiedDrives:
+    """robot, servo: as given. given, identified: tables (n, WIDTH) of plant.py. fits: one a limb."""
+
+    robot: Robot
+    servo: Servo
+    given: Array
+    identified: Array
+    limbs: tuple[Limb, ...]
+    fits: tuple[Fit, ...]
+
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        """Every joint's figures, by name and then by joint."""
+        found = [
+            figure
+            for limb, own in zip(self.limbs, self.fits, strict=True)
+            for figure in _figures(limb, own, self.servo)
+        ]
+        names = list(dict.fromkeys(figure.name for figure in found))
+        order = {name: place for place, name in enumerate(self.robot.joint_names)}
+        return tuple(sorted(found, key=lambda each: (names.index(each.name), order[each.joint])))
+
+    @property
+    def alike(self) -> tuple[Alike, ...]:
+        """Figures of limbs with as many joints, compared joint by joint."""
+        figures = {(figure.name, figure.joint): figure for figure in self.figures}
+        out = []
+        for length in dict.fromkeys(len(limb.joints) for limb in self.limbs):
+            same = [limb for limb in self.limbs if len(limb.joints) == length]
+            if len(same) < 2:
+                continue
+            for name in dict.fromkeys(figure.name for figure in self.figures):
+                for place in range(length):
+                    joints = tuple(limb.chain.joint_names[place] for limb in same)
+                    own = [figures[name, joint] for joint in joints if (name, joint) in figures]
+                    if len(own) == len(joints):
+                        out.append(_alike(own))
+        return tuple(out)
+
+
+def identify_drives(robot: Robot, servos: Sequence[Servo], runs: Sequence[ServoRun]) -> IdentifiedDrives:
+    """The robot's drives and parameters by runs, whose servos are stated one each."""
+    servo = servos[0]
+    delay = np.clip(0.0, servo.delay_lower, servo.delay_upper)
+    given = plant_table(robot.parameters, delay, servo.limit)
+    parts, fits, identified = limbs(robot.chain), [], given.copy()
+    for limb in parts:
+        own = [run.of(limb.joints) for run in runs]
+        unknown = unknowns(limb.chain, given[limb.joints], _knowledge(robot, limb, servo, own))
+        fits.append(fit(limb.chain, unknown, own, regression_start(limb.chain, unknown, own)))
+        identified[limb.joints] = fits[-1].table
+    return IdentifiedDrives(robot, servo, given, identified, parts, tuple(fits))
+
+
+def _knowledge(robot: Robot, limb: Limb, servo: Servo, runs: Sequence[ServoRun]) -> Knowledge:
+    """What is known of a limb's drives, and typical of its runs."""
+    joints = limb.joints
+    squares, speeds, poses, samples = np.zeros(len(joints)), np.zeros(len(joints)), [], 0
+    reached = np.zeros(len(joints), dtype=bool)
+    for run in runs:
+        position, velocity = run.smoothed
+        torque = run.kp * (run.command - position) - run.kd * velocity
+        reached |= np.any(np.abs(torque) > servo.limit[joints], axis=0)
+        squares += np.sum(np.minimum(np.abs(torque), servo.limit[joints]) ** 2, axis=0)
+        speeds += np.sum(velocity**2, axis=0)
+        samples += len(position)
+        poses.append(position[:: max(1, len(position) // POSES)])
+    table = without_friction(robot.parameters).reshape(robot.joints, -1)[joints]
+    table[:, ARMATURE] = 0.0
+    masses = mass_matrices(limb.chain, table.ravel(), np.concatenate(poses))
+    return Knowledge(
+        gain_spread=servo.spread[joints],
+        delay_lower=servo.delay_lower[joints],
+        delay_upper=servo.delay_upper[joints],
+        limit_spread=np.where(reached, servo.limit_spread[joints], 0.0),
+        torque_scale=np.sqrt(squares / samples) + 1e-9,
+        speed_scale=np.sqrt(speeds / samples) + 1e-9,
+        inertia=np.mean(np.diagonal(masses, axis1=1, axis2=2), axis=0),
+    )
+
+
+def _figures(limb: Limb, found: Fit, servo: Servo) -> list[Figure]:
+    """The figures of a limb's joints; viscous friction and the drive's damping as their sum too."""
+    unknown, out = found.unknowns, []
+    for place, (name, unit, joint) in enumerate(
+        zip(unknown.names, unknown.units, unknown.joints, strict=True)
+    ):
+        if joint >= 0:
+            figures = (found.values[place], found.std[place], unknown.mean[place], unknown.deviation[place])
+            out.append(Figure(name, unit, limb.chain.joint_names[joint], *(float(each) for each in figures)))
+    for joint, name in enumerate(limb.chain.joint_names):
+        kd = servo.kd[limb.joints[joint]]
+        if kd > 0:
+            weights = _entry(unknown, joint, VISCOUS) + kd * _entry(unknown, joint, KD_SCALE)
+            value = found.table[joint, VISCOUS] + kd * found.table[joint, KD_SCALE]
+            std = float(np.sqrt(weights @ found.covariance @ weights))
+            out.append(Figure("damping", "N·m·s/rad", name, float(value), std, None, None))
+    return out
+
+
+def _entry(unknown: Unknowns, joint: int, column: int) -> Array:
+    """How an entry of the table depends on the unknowns, (m,)."""
+    return unknown.basis.reshape(unknown.count, -1, WIDTH)[:, joint, column]
+
+
+def _alike(figures: Sequence[Figure]) -> Alike:
+    values, stds = np.array([each.value for each in figures]), np.array([each.std for each in figures])
+    weights = 1 / stds**2
+    mean = float(weights @ values / weights.sum())
+    misfit = float(weights @ (values - mean) ** 2)
+    joints = tuple(each.joint for each in figures)
+    p_value = float(chi2.sf(misfit, len(figures) - 1))
+    return Alike(figures[0].name, figures[0].unit, joints, mean, float(weights.sum() ** -0.5), p_value)
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A run simulated from its first sample to its last, (N, n): rad, rad/s, N·m."""
+
+    position: Array
+    velocity: Array
+    torque: Array
+
+
+def simulated(parts: Sequence[Limb], table: Array, run: ServoRun) -> Simulation:
+    """The run's command followed by the plant of a table (n, WIDTH), from the measured state at its start."""
+    position, velocity = run.smoothed
+    out = Simulation(*np.empty((3, *run.position.shape)))
+    for limb in parts:
+        joints = limb.joints
+        own = run.of(joints)
+        window = Window(
+            own.command, own.kp, own.kd, 0, len(own.position), position[0, joints], velocity[0, joints]
+        )
+        ((found,),) = simulate(limb.chain, table[None, joints], [window], own.rate)
+        for name in ("position", "velocity", "torque"):
+            getattr(out, name)[:, joints] = getattr(found, name)
+    return out
+
+
+def position_rms(parts: Sequence[Limb], table: Array, runs: Sequence[ServoRun]) -> Array:
+    """RMS (n,) rad of the simulated position less the measured one, all runs pooled."""
+    squares = sum(np.sum((simulated(parts, table, run).position - run.position) ** 2, axis=0) for run in runs)
+    return np.asarray(np.sqrt(squares / sum(len(run.position) for run in runs)))
+
+
+def split(run: ServoRun, share: float) -> tuple[ServoRun, ServoRun]:
+    """The first share of a run, and the rest of it."""
+    cut = round(share * len(run.position))
+    first, rest = (
+        replace(run, position=run.position[part], command=run.command[part])
+        for part in (slice(0, cut), slice(cut, None))
+    )
+    return first, rest

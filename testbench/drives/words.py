@@ -1,0 +1,127 @@
+"""Identified drives in words and tables for the terminal."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from ..findings import significant
+from ..terminal import console
+from .document import Errors
+from .identified import Alike, Figure, IdentifiedDrives
+
+# A figure of several limbs is one where they would differ by so much, by chance, in one case of twenty.
+DIFFERENT = 0.05
+# Figures of the table, in its order: name, heading, factor.
+SHOWN = (
+    ("armature", "armature", 1.0),
+    ("coulomb", "Coulomb N·m", 1.0),
+    ("viscous", "viscous", 1.0),
+    ("damping", "kd + viscous", 1.0),
+    ("kp_scale", "kp scale", 1.0),
+    ("delay", "delay ms", 1e3),
+)
+COMPARED = ("armature", "coulomb", "damping", "delay", "kp_scale")
+# Of position RMS, below which one run's repetition is all that can be asked for.
+DIGITS = 3
+
+
+def remarks_on(found: IdentifiedDrives) -> tuple[str, ...]:
+    """Sentences on what the runs leave open."""
+    figures = found.figures
+    out = []
+    scales = [each for each in figures if each.name == "kp_scale"]
+    held = [each.joint for each in scales if not each.is_determined]
+    if held:
+        out.append(
+            f"No known mass fixes the scale of torque at {_listed(held, found)}: position determines only the ratios "
+            "of gains, inertia and friction there; the scale is that of the stated gains, within their spread."
+        )
+    if any(each.name == "damping" for each in figures):
+        out.append(
+            "Viscous friction and the drive's kd act alike: their sum is determined better than either."
+        )
+    for name, text in (("armature", "armature"), ("coulomb", "Coulomb friction"), ("delay", "delay")):
+        left = [each.joint for each in figures if each.name == name and not each.is_determined]
+        if left:
+            out.append(f"The motion leaves the {text} of {_listed(left, found)} as wide as it was before.")
+    for limb, own in zip(found.limbs, found.fits, strict=True):
+        for joint, name in enumerate(limb.chain.joint_names):
+            if own.inflation[joint] * 20 > own.effective_samples[joint]:
+                out.append(
+                    f"{name}: what is left of the position error is slow and systematic; the model lacks something there."
+                )
+    return tuple(out)
+
+
+def _listed(joints: Sequence[str], found: IdentifiedDrives) -> str:
+    if len(joints) == found.robot.joints:
+        return "any joint" if len(joints) > 1 else joints[0]
+    return joints[0] if len(joints) == 1 else f"{', '.join(joints[:-1])} and {joints[-1]}"
+
+
+def alike_sentence(each: Alike) -> str:
+    """Whether joints of several limbs have one value of a figure."""
+    factor, unit = (1e3, "ms") if each.name == "delay" else (1.0, each.unit)
+    value = f"{significant(factor * each.value)} ± {significant(factor * each.std, 2)} {unit}".replace(
+        " -", ""
+    )
+    joints = f"{each.joints[0]} … {each.joints[-1]}"
+    if each.p_value >= DIFFERENT:
+        return f"{each.name} of {joints}: one value, {value} (p = {each.p_value:.2g})"
+    return f"{each.name} of {joints}: different by more than their deviations (p = {each.p_value:.1g}), mean {value}"
+
+
+def print_drives(found: IdentifiedDrives, errors: Sequence[Errors], remarks: Sequence[str]) -> None:
+    """Print headline, figures and position errors, 110 columns wide where that is no terminal."""
+    alike = [Text(alike_sentence(each)) for each in found.alike if each.name in COMPARED]
+    parts = [Text(headline(errors)), *(Text(remark) for remark in remarks), _figures(found), *alike]
+    console().print(Group(*parts, errors_table(found.robot.joint_names, errors)))
+
+
+def headline(errors: Sequence[Errors]) -> str:
+    """By how much the position error shrinks, all joints pooled, on the runs that judge."""
+    judged = errors[-1]
+    given, identified = (float(np.sqrt(np.mean(each**2))) for each in (judged.given, judged.identified))
+    where = "runs that were not fitted" if judged.role == "validation" else "the fitted runs"
+    return (
+        f"Simulated in closed loop on the logged command, the position misses {where} by {significant(identified)} "
+        f"RMS, all joints pooled; by {significant(given)} with the model as published "
+        f"({identified / given:.0%} of it)."
+    )
+
+
+def errors_table(joints: Sequence[str], errors: Sequence[Errors], repeat: np.ndarray | None = None) -> Table:
+    """Position RMS a joint, mrad (mm), as given and as identified."""
+    table = Table(title="Position RMS in closed loop, mrad (mm)", title_justify="left", box=None)
+    table.add_column("joint", no_wrap=True)
+    for each in errors:
+        for name in ("as published", "identified"):
+            table.add_column(f"{each.role}, {name}" if each.role else name, justify="right")
+    if repeat is not None:
+        table.add_column("repeatability", justify="right")
+    for joint, name in enumerate(joints):
+        cells = [1e3 * values[joint] for each in errors for values in (each.given, each.identified)]
+        cells += [] if repeat is None else [1e3 * repeat[joint]]
+        table.add_row(name, *(significant(cell, DIGITS) for cell in cells))
+    return table
+
+
+def _figures(found: IdentifiedDrives) -> Table:
+    figures = {(each.name, each.joint): each for each in found.figures}
+    table = Table(title="Drives and joints, ± one standard deviation", title_justify="left", box=None)
+    table.add_column("joint", no_wrap=True)
+    shown = [each for each in SHOWN if any(name == each[0] for name, _ in figures)]
+    for _, heading, _ in shown:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for joint in found.robot.joint_names:
+        table.add_row(joint, *(_cell(figures.get((name, joint)), factor) for name, _, factor in shown))
+    return table
+
+
+def _cell(figure: Figure | None, factor: float) -> str:
+    if figure is None:
+        return "-"
+    return f"{significant(factor * figure.value, 3)} ± {significant(factor * figure.std, 2)}"
