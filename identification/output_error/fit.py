@@ -1,9 +1,9 @@
 """Output error: the unknowns whose simulated closed loop moves as the robot did.
 
 Minimises half of sum_j |q_j - q_sim,j(x)|² / (s_j² f_j) + |(x - mean) / deviation|² by Levenberg-Marquardt.
-s_j and f_j are the residual's deviation and its inflation by autocorrelation: a residual of ten periods of one
-slow error counts for ten samples, not for thousands. The Jacobian is by forward differences, and all
-its simulations are one batch, as are the trial steps.
+s_j and f_j are the residual's deviation and its inflation by autocorrelation: ten periods of one slow error
+count for ten samples, not for thousands. The Jacobian is by forward differences, and all its simulations
+are one batch, as are the trial steps.
 """
 
 from collections.abc import Sequence
@@ -37,8 +37,8 @@ SMALLEST = 1e-9
 class Fit:
     """Values (m,) of the unknowns and their covariance (m, m).
 
-    residual_std, inflation: (n,) rad and its factor by autocorrelation. effective_samples: (n,). data: (m, m),
-    the information of the runs without the prior's. iterations: of Levenberg-Marquardt.
+    residual_std, inflation: (n,) rad, and its factor by autocorrelation. effective_samples: (n,).
+    data: (m, m), information of the runs alone. iterations: of Levenberg-Marquardt.
     """
 
     unknowns: Unknowns

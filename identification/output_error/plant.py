@@ -1,11 +1,12 @@
 """A robot with its drives as one table of figures, and its limbs, which move without each other.
 
 The table has a row a joint: the 14 standard parameters of the link, then the figures of its drive and of
-what a rigid body lacks (``COLUMNS``). A position servo's drive torque is
+what a rigid body lacks (``COLUMNS``). A position servo's torque is
 
     u = kp_scale kp (command(t - delay) - q) - kd_scale kd dq, clipped at its limit,
 
-with the command held from sample to sample; kp and kd are those that a run states. Friction opposes the motion with at most
+with the command held from sample to sample; kp and kd are those that a run states. Friction opposes the
+motion with at most
 
     fc + extra exp(-(v / v_s)²) + mu |load|,
 

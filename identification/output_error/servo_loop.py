@@ -80,7 +80,8 @@ def simulate(
         w, into = windows[window], out[candidate][window]
         _simulate(
             *chain.arrays, np.ascontiguousarray(tables[candidate]), w.command, held[id(w.command)],
-            w.kp, w.kd, w.start, rate, substeps, w.position, w.velocity, into.position, into.velocity, into.torque,
+            w.kp, w.kd, w.start, rate, substeps, w.position, w.velocity,
+            into.position, into.velocity, into.torque,
         )  # fmt: skip
 
     work = [(candidate, window) for candidate in range(len(tables)) for window in range(len(windows))]

@@ -1,6 +1,7 @@
 """A logged run of position servos, and the windows in which it is simulated."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +52,7 @@ def windows(run: ServoRun, length: float = WINDOW) -> list[Window]:
     position, velocity = run.smoothed
     return [
         Window(run.command, run.kp, run.kd, int(start), int(stop), position[start], velocity[start])
-        for start, stop in zip(edges[:-1], edges[1:], strict=True)
+        for start, stop in pairwise(edges)
     ]
 
 

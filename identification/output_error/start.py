@@ -1,8 +1,8 @@
 """Where the fit of the simulated motion starts: a regression of the drives' law on the regressor.
 
 Both sides are low-passed far below where encoder noise rules the derivatives, so that what it adds to the
-regressor's columns is small; what bias is left the simulation takes away. The gains are taken as stated: free,
-they would all go to zero together with the inertias.
+regressor's columns is small; what bias is left the simulation takes away. The gains are taken as stated:
+free, they would all go to zero together with the inertias.
 """
 
 from collections.abc import Sequence

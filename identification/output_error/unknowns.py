@@ -79,8 +79,8 @@ def unknowns(chain: Chain, table: Array, known: Knowledge) -> Unknowns:
     """The unknowns of a limb whose model and drives, as stated, have this table (n, WIDTH).
 
     Of links: the combinations that the torque shows, within the widths of ``prior.py``. Of each joint:
-    armature, viscous and Coulomb friction from zero up, loosely held about the model's, and a torque offset. Of
-    each drive: scales of its gains, the delay, and the torque limit where it is uncertain.
+    armature, viscous and Coulomb friction from zero up, loosely held about the model's, and a torque offset.
+    Of each drive: scales of its gains, the delay, and the torque limit where it is uncertain.
     """
     build = _Builder(table)
     for direction in _inertial_directions(chain, table, known):

@@ -16,10 +16,10 @@ from .identified import IdentifiedDrives
 
 
 def write_corrected(found: IdentifiedDrives, path: Path) -> None:
-    """Write the model with its identified parameters and position servos, for plain MuJoCo; whole or not at all.
+    """Write the model with its identified parameters and position servos, for plain MuJoCo.
 
-    Each joint has one actuator: kp (ctrl delayed - q) - kd dq - offset, within the drive's limit. The delay is
-    MuJoCo's own, in steps of the model's time step. Raises InputError for what MuJoCo refuses.
+    The file is whole or not there. Each joint has one actuator: kp (ctrl delayed - q) - kd dq - offset,
+    within the drive's limit; the delay is MuJoCo's own. Raises InputError for what MuJoCo refuses.
     """
     table, servo = found.identified, found.servo
     write_model(found.robot, table[:, :PER_JOINT].ravel(), path)

@@ -25,7 +25,7 @@ ARRAYS = ("rotation", "translation", "gravity", "springs")
 
 @dataclass(frozen=True)
 class Errors:
-    """RMS of the simulated position less the measured one, (n,) rad (m): by the model as given, as identified."""
+    """RMS (n,) rad (m) of simulated less measured position, by the model as given and as identified."""
 
     role: str
     given: Array

@@ -43,8 +43,8 @@ def identify_servo_logs(
 ) -> IdentifiedDrives:
     """Identify the drives of logs without torque, write DIR/estimate.json, print the summary.
 
-    fit_share: of each log that is fitted; the rest of it judges, beside the validation logs. identified_model:
-    MJCF to write, with position servos. Raises InputError.
+    fit_share: of each log that is fitted; the rest of it judges, beside the validation logs.
+    identified_model: MJCF to write, with position servos. Raises InputError.
     """
     if not 0 < fit_share <= 1:
         raise InputError("testbench", "--fit-share", "above 0, and 1 at most", fit_share)

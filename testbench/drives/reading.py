@@ -114,10 +114,11 @@ def _require_plausible_gains(logs: Sequence[ServoLog], robot: Robot) -> None:
             ratio = given[joint] / max(needed[joint], 1e-12)
             if ratio > IMPLAUSIBLE or ratio < 1 / IMPLAUSIBLE:
                 expected = (
-                    "gains in N·m/rad at the joint: where they are the firmware's, --gain-factor says what one unit "
-                    f"is (about {1 / ratio:.2g} by this model)"
+                    "gains in N·m/rad at the joint: where they are the firmware's, --gain-factor says "
+                    f"what one unit is (about {1 / ratio:.2g} by this model)"
                 )
-                got = f"{log.run.kp[joint]:g} at {name}, {given[joint]:.3g} N·m where the model needs {needed[joint]:.3g}"
+                torques = f"{given[joint]:.3g} N·m RMS where the model needs {needed[joint]:.3g}"
+                got = f"{log.run.kp[joint]:g} at {name}, which gives {torques}"
                 raise InputError(log.path, "kp", expected, got)
 
 

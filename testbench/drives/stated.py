@@ -32,7 +32,7 @@ Numbers = NotNegative | tuple[NotNegative, ...]
 class StatedDrive(BaseModel):
     """Position servos as stated. Numbers are for all joints, or one a joint in the model's order.
 
-    kp, kd: gains, or gains by run. factor: N·m/rad (N·m·s/rad) for one unit of either, as a firmware counts them.
+    kp, kd: gains, or gains by run. factor: N·m/rad (N·m·s/rad) for one unit, as a firmware counts.
     spread: relative standard deviation of each gain. delay: s, lowest and highest. limit: N·m of the drive.
     limit_spread: its relative standard deviation.
     """
@@ -105,7 +105,7 @@ class Servo:
 def servo_of(
     stated: StatedDrive | None, recording: Recording, name: str, robot: Jointed, path: Path
 ) -> Servo:
-    """What is stated, else what the log says, else the widths of this file. Raises InputError without gains."""
+    """What is stated, else what the log says. Raises InputError where neither has gains."""
     controller = recording.controller
     logged = controller if controller is not None and controller.kind == SERVO else None
     stated = stated or StatedDrive()
@@ -118,7 +118,7 @@ def servo_of(
                 raise InputError(path, f"drive {gain}", f"a gain of the run {name}", "none", given)
             given = given[name]
         if given is None and own is None and gain == "kp":
-            expected = "the gains of the position servos: --kp and --kd, --drive FILE.yaml, or a controller in the log"
+            expected = "the servos' gains: --kp and --kd, --drive FILE.yaml, or a controller in the log"
             raise InputError(path, "kp", expected, "none")
         if given is None:
             gains[gain] = (

@@ -24,7 +24,6 @@ SHOWN = (
     ("delay", "delay ms", 1e3),
 )
 COMPARED = ("armature", "coulomb", "damping", "delay", "kp_scale")
-# Of position RMS, below which one run's repetition is all that can be asked for.
 DIGITS = 3
 
 
@@ -36,8 +35,8 @@ def remarks_on(found: IdentifiedDrives) -> tuple[str, ...]:
     held = [each.joint for each in scales if not each.is_determined]
     if held:
         out.append(
-            f"No known mass fixes the scale of torque at {_listed(held, found)}: position determines only the ratios "
-            "of gains, inertia and friction there; the scale is that of the stated gains, within their spread."
+            f"No known mass fixes the scale of torque at {_listed(held, found)}: position determines only "
+            "the ratios of gains, inertia and friction there; the scale is that of the stated gains."
         )
     if any(each.name == "damping" for each in figures):
         out.append(
@@ -51,7 +50,8 @@ def remarks_on(found: IdentifiedDrives) -> tuple[str, ...]:
         for joint, name in enumerate(limb.chain.joint_names):
             if own.inflation[joint] * 20 > own.effective_samples[joint]:
                 out.append(
-                    f"{name}: what is left of the position error is slow and systematic; the model lacks something there."
+                    f"{name}: what is left of the position error is slow and systematic: the model lacks "
+                    "something there."
                 )
     return tuple(out)
 
@@ -71,7 +71,8 @@ def alike_sentence(each: Alike) -> str:
     joints = f"{each.joints[0]} … {each.joints[-1]}"
     if each.p_value >= DIFFERENT:
         return f"{each.name} of {joints}: one value, {value} (p = {each.p_value:.2g})"
-    return f"{each.name} of {joints}: different by more than their deviations (p = {each.p_value:.1g}), mean {value}"
+    different = f"different by more than their deviations (p = {each.p_value:.1g})"
+    return f"{each.name} of {joints}: {different}, mean {value}"
 
 
 def print_drives(found: IdentifiedDrives, errors: Sequence[Errors], remarks: Sequence[str]) -> None:
@@ -87,9 +88,9 @@ def headline(errors: Sequence[Errors]) -> str:
     given, identified = (float(np.sqrt(np.mean(each**2))) for each in (judged.given, judged.identified))
     where = "runs that were not fitted" if judged.role == "validation" else "the fitted runs"
     return (
-        f"Simulated in closed loop on the logged command, the position misses {where} by {significant(identified)} "
-        f"RMS, all joints pooled; by {significant(given)} with the model as published "
-        f"({identified / given:.0%} of it)."
+        f"Simulated in closed loop on the logged command, the position misses {where} by "
+        f"{significant(1e3 * identified, 3)} mrad RMS, all joints pooled; by {significant(1e3 * given, 3)} "
+        f"mrad with the model as published ({identified / given:.0%} of it)."
     )
 
 
