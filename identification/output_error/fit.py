@@ -2,8 +2,9 @@
 
 Minimises half of sum_j |q_j - q_sim,j(x)|² / (s_j² f_j) + |(x - mean) / deviation|² by Levenberg-Marquardt.
 s_j and f_j are the residual's deviation and its inflation by autocorrelation: ten periods of one slow error
-count for ten samples, not for thousands. The Jacobian is by forward differences, and all its simulations
-are one batch, as are the trial steps.
+count for ten samples, not for thousands. The Jacobian is by central differences: where position
+determines only ratios, the error of one-sided ones would pass for information on the scale. All its
+simulations are one batch, as are the trial steps.
 """
 
 from collections.abc import Sequence
@@ -98,7 +99,7 @@ class _Problem:
     def __init__(self, chain: Chain, unknown: Unknowns, runs: Sequence[ServoRun], threads: int | None):
         self._chain, self.unknown, self._threads = chain, unknown, threads
         self._groups: list[tuple[ServoRun, list[Window]]] = []
-        candidates = unknown.count + 1
+        candidates = 2 * unknown.count + 1
         for run in runs:
             together: list[Window] = []
             for window in windows(run):
@@ -158,15 +159,19 @@ class _Problem:
     def linearised(self, values: Array, weights: Array) -> tuple[Array, Array, float]:
         """Information (m, m) and gradient (m,) of the runs and their half squares, in the prior's units."""
         unknown, m = self.unknown, self.unknown.count
-        # A step goes where there is room.
-        towards = np.where(values + DIFFERENCE * unknown.deviation > unknown.upper, -1.0, 1.0)
-        moved = values + np.vstack([np.zeros(m), np.diag(towards * DIFFERENCE * unknown.deviation)])
+        steps = np.diag(DIFFERENCE * unknown.deviation)
+        # On a bound the difference is one-sided.
+        moved = np.vstack([values, unknown.held(values + steps), unknown.held(values - steps)])
+        apart = np.diagonal(moved[1 : m + 1] - moved[m + 1 :]) / unknown.deviation
         information, gradient, total = np.zeros((m, m)), np.zeros(m), 0.0
         for run, own in self._groups:
             errors = [self._errors(run, own, each) for each in self._batch(run, own, moved)]
             for index, base in enumerate(errors[0]):
-                rows = np.stack([each[index] - base for each in errors[1:]], axis=-1)
-                rows = (rows * (weights[:, None] * towards / DIFFERENCE)).reshape(-1, m)
+                ahead, behind = (
+                    np.stack([each[index] for each in part], axis=-1)
+                    for part in (errors[1 : m + 1], errors[m + 1 :])
+                )
+                rows = ((ahead - behind) * (weights[:, None] / apart)).reshape(-1, m)
                 # A difference of a candidate that ran away tells nothing.
                 rows = np.where(np.isfinite(rows), rows, 0.0)
                 weighted = (base * weights).ravel()

@@ -1,0 +1,99 @@
+"""Position servos simulated: against MuJoCo, and where the answer is known without simulating."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from identification.output_error.plant import DELAY, limbs, plant_table
+from identification.output_error.servo_loop import Window, simulate
+from identification.parameters import COULOMB
+from testbench.robot import load_robot
+
+from .leg import KD, KP, LEG, command, table, written
+
+RATE = 100.0
+
+
+def test_without_coulomb_friction_it_moves_as_mujoco_does(tmp_path: Path) -> None:
+    servos = "".join(f'<position joint="{name}" kp="20" kv="1"/>' for name in ("hip", "knee"))
+    xml = LEG.replace("</mujoco>", f"<actuator>{servos}</actuator></mujoco>")
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.opt.timestep, model.opt.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    data = mujoco.MjData(model)
+    follow = command(RATE, 3.0, 1)
+    data.qpos[:] = follow[0]
+    expected = []
+    for now in follow:
+        expected.append(data.qpos.copy())
+        data.ctrl[:] = now
+        mujoco.mj_step(model, data, round(1 / (RATE * model.opt.timestep)))
+    robot = load_robot(written(tmp_path))
+    given = plant_table(robot.parameters, np.zeros(2), robot.limits.torque)
+    window = Window(follow, KP, KD, 0, len(follow), follow[0], np.zeros(2))
+    ((run,),) = simulate(robot.chain, given[None], [window], RATE)
+    assert np.abs(run.position - np.array(expected)).max() < 1e-4
+
+
+def test_a_joint_sticks_until_the_drive_overcomes_its_friction(tmp_path: Path) -> None:
+    robot = load_robot(written(tmp_path))
+    given = plant_table(robot.parameters, np.zeros(2), robot.limits.torque)
+    # Hanging straight down but for the thigh's centre, which pulls with .1 N·m.
+    given[:, COULOMB] = 0.5
+    follow = np.zeros((100, 2))
+    follow[50:, 0] = [0.01 * k for k in range(50)]
+    window = Window(follow, KP, KD, 0, len(follow), np.zeros(2), np.zeros(2))
+    ((run,),) = simulate(robot.chain, given[None], [window], RATE)
+    # .39 N·m from the drive and .11 from gravity hold at sample 52, far more does not at the end.
+    assert np.all(run.position[:52] == 0)
+    assert run.position[-1, 0] > 0.2
+    assert np.all(np.diff(run.position[50:, 0]) >= 0)
+
+
+def test_a_delay_of_whole_samples_shifts_the_command(tmp_path: Path) -> None:
+    robot = load_robot(written(tmp_path))
+    late, prompt = table(robot.path), table(robot.path)
+    late[:, DELAY], prompt[:, DELAY] = 0.03, 0.0
+    follow = command(RATE, 3.0, 2)
+    shifted = np.concatenate([np.repeat(follow[:1], 3, axis=0), follow[:-3]])
+    runs = [
+        simulate(robot.chain, own[None], [Window(told, KP, KD, 0, 300, follow[0], np.zeros(2))], RATE)
+        for own, told in ((late, follow), (prompt, shifted))
+    ]
+    np.testing.assert_allclose(runs[0][0][0].position, runs[1][0][0].position, atol=1e-9)
+
+
+def test_candidates_do_not_depend_on_threads_or_on_each_other(tmp_path: Path) -> None:
+    robot = load_robot(written(tmp_path))
+    tables = np.stack([table(robot.path) * scale for scale in (1.0, 1.01, 1.02)])
+    follow = command(RATE, 2.0, 3)
+    window = Window(follow, KP, KD, 20, 180, follow[20], np.zeros(2))
+    together = simulate(robot.chain, tables, [window, window], RATE, threads=2)
+    (single,) = simulate(robot.chain, tables[1:2], [window], RATE, threads=1)
+    assert np.array_equal(together[1][1].position, single[0].position)
+    assert np.isfinite(single[0].position).all()
+
+
+def test_a_candidate_without_positive_inertia_ends_in_nan(tmp_path: Path) -> None:
+    robot = load_robot(written(tmp_path))
+    impossible = table(robot.path)
+    impossible[:, :10] *= -1
+    follow = command(RATE, 1.0, 3)
+    ((run,),) = simulate(
+        robot.chain, impossible[None], [Window(follow, KP, KD, 0, 100, follow[0], np.zeros(2))], RATE
+    )
+    assert np.isnan(run.position[-1]).all()
+
+
+def test_legs_on_one_base_are_limbs_of_their_own(tmp_path: Path) -> None:
+    body = LEG[LEG.index("    <body") : LEG.index("  </worldbody>")]
+    other = body
+    for name in ("thigh", "shank", "hip", "knee"):
+        other = other.replace(f'"{name}"', f'"other_{name}"')
+    path = tmp_path / "two.xml"
+    path.write_text(LEG.replace(body, body + other))
+    robot = load_robot(path)
+    first, second = limbs(robot.chain)
+    assert first.chain.joint_names == ("hip", "knee")
+    assert second.chain.joint_names == ("other_hip", "other_knee")
+    assert second.chain.parent.tolist() == [-1, 0]
