@@ -14,6 +14,9 @@ from ..files import replacing
 from ..model_file import write_model
 from .identified import IdentifiedDrives
 
+# s, longest: MuJoCo's delays are whole steps, and its implicit damping is of first order.
+STEP = 5e-4
+
 
 def write_corrected(found: IdentifiedDrives, path: Path) -> None:
     """Write the model with its identified parameters and position servos, for plain MuJoCo.
@@ -30,7 +33,8 @@ def write_corrected(found: IdentifiedDrives, path: Path) -> None:
     if option is None:
         option = ElementTree.SubElement(root, "option")
     option.set("integrator", "implicitfast")
-    step = float(option.get("timestep", "0.002"))
+    step = min(STEP, float(option.get("timestep", "0.002")))
+    option.set("timestep", repr(step))
     actuators = ElementTree.SubElement(root, "actuator")
     for joint, name in enumerate(found.robot.joint_names):
         kp, kd = table[joint, KP_SCALE] * servo.kp[joint], table[joint, KD_SCALE] * servo.kd[joint]

@@ -39,7 +39,7 @@ class StatedDrive(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    kind: Literal["position_servo"] = SERVO
+    kind: Literal["position_servo"] = "position_servo"
     kp: Numbers | dict[str, Numbers] | None = None
     kd: Numbers | dict[str, Numbers] | None = None
     factor: Positive = 1.0

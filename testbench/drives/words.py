@@ -77,9 +77,9 @@ def alike_sentence(each: Alike) -> str:
 
 def print_drives(found: IdentifiedDrives, errors: Sequence[Errors], remarks: Sequence[str]) -> None:
     """Print headline, figures and position errors, 110 columns wide where that is no terminal."""
-    alike = [Text(alike_sentence(each)) for each in found.alike if each.name in COMPARED]
-    parts = [Text(headline(errors)), *(Text(remark) for remark in remarks), _figures(found), *alike]
-    console().print(Group(*parts, errors_table(found.robot.joint_names, errors)))
+    before = (Text(sentence) for sentence in (headline(errors), *remarks))
+    alike = (Text(alike_sentence(each)) for each in found.alike if each.name in COMPARED)
+    console().print(Group(*before, _figures(found), *alike, errors_table(found.robot.joint_names, errors)))
 
 
 def headline(errors: Sequence[Errors]) -> str:

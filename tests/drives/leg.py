@@ -1,4 +1,4 @@
-"""A leg of two joints on a stand, driven by position servos that log commanded and measured position alone."""
+"""A leg of two joints on a stand, whose position servos log commanded and measured position alone."""
 
 from pathlib import Path
 
@@ -18,10 +18,12 @@ LEG = """<mujoco model="leg">
   <worldbody>
     <body name="thigh" pos="0 0 1">
       <inertial pos=".01 0 -.09" mass="1.1" diaginertia=".006 .006 .001"/>
-      <joint name="hip" axis="0 1 0" range="-1.5 1.5" armature=".01" damping=".1" actuatorfrcrange="-25 25"/>
+      <joint name="hip" axis="0 1 0" range="-1.5 1.5" armature=".01" damping=".1"
+             actuatorfrcrange="-25 25"/>
       <body name="shank" pos="0 0 -.2">
         <inertial pos="0 0 -.1" mass=".35" diaginertia=".0025 .0025 .0002"/>
-        <joint name="knee" axis="0 1 0" range="-2.5 2.5" armature=".01" damping=".1" actuatorfrcrange="-25 25"/>
+        <joint name="knee" axis="0 1 0" range="-2.5 2.5" armature=".01" damping=".1"
+               actuatorfrcrange="-25 25"/>
       </body>
     </body>
   </worldbody>
@@ -48,7 +50,7 @@ def command(rate: float, duration: float, seed: int) -> Array:
     for frequency in (0.2, 0.45, 0.9, 1.7, 2.6, 4.0):
         phase = rng.uniform(0, 2 * np.pi, 2)
         waves += 0.35 / (1 + frequency) * np.sin(2 * np.pi * frequency * time[:, None] + phase)
-    return waves + [0.1, -0.4]
+    return waves + np.array([0.1, -0.4])
 
 
 def table(model: Path) -> Array:

@@ -77,8 +77,9 @@ def test_the_written_model_moves_so_in_plain_mujoco(folder: Path) -> None:
         moved.append(data.qpos.copy())
         data.ctrl[:] = now
         mujoco.mj_step(model, data, steps)
-    # MuJoCo's friction is a soft constraint.
-    assert np.sqrt(np.mean((np.array(moved) - measured.position) ** 2)) < 5e-3
+    # Its history of controls begins with zeros, and its friction is a soft constraint.
+    missed = (np.array(moved) - measured.position)[100:]
+    assert np.sqrt(np.mean(missed**2)) < 1e-3
 
 
 def test_gains_that_are_wrong_within_their_spread_are_scaled_by_known_masses(folder: Path) -> None:
