@@ -1,6 +1,6 @@
 """What is unknown of a limb and its drives: how it enters the table, and how far it is known beforehand."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from ..base_parameters import base_parameters
 from ..chain import Chain
 from ..parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_JOINT, VISCOUS
 from ..prior import parameter_widths
-from .plant import DELAY, KD_SCALE, KP_SCALE, LIMIT, WIDTH
+from .plant import DELAY, EXTRA, KD_SCALE, KP_SCALE, LIMIT, LOAD_FRICTION, STRIBECK_VELOCITY, WIDTH
 
 Array = NDArray[np.float64]
 
@@ -17,6 +17,11 @@ Array = NDArray[np.float64]
 GAIN_BOUNDS = (0.05, 20.0)
 # Of a joint's torque: cables, springs and zeros that are a little off.
 OFFSET_SHARE = 0.1
+# Stribeck velocity, as a share of a joint's RMS speed.
+STRIBECK_SHARE = 0.2
+# Deviation of the share of the load that friction is, and its highest.
+LOAD_SHARE, MOST_LOAD = 0.1, 0.9
+EFFECTS = ("load_dependent_friction", "stribeck_friction")
 # A combination of inertias whose effect is below this share of the largest is left as the model has it.
 FAINT = 1e-6
 
@@ -63,7 +68,8 @@ class Knowledge:
 
     gain_spread: relative standard deviation of kp and of kd. delay_lower, delay_upper: s. limit_spread:
     relative, of the torque limit; 0 where it is exact, or never reached. torque_scale, speed_scale: N·m and
-    rad/s typical of the runs. inertia: kg·m² that each joint moves, without its rotor.
+    rad/s typical of the runs. inertia: kg·m² that each joint moves, without its rotor. effects: of EFFECTS,
+    those that each joint may have.
     """
 
     gain_spread: Array
@@ -73,6 +79,7 @@ class Knowledge:
     torque_scale: Array
     speed_scale: Array
     inertia: Array
+    effects: tuple[str, ...] = ()
 
 
 def unknowns(chain: Chain, table: Array, known: Knowledge) -> Unknowns:
@@ -82,6 +89,9 @@ def unknowns(chain: Chain, table: Array, known: Knowledge) -> Unknowns:
     armature, viscous and Coulomb friction from zero up, loosely held about the model's, and a torque offset.
     Of each drive: scales of its gains, the delay, and the torque limit where it is uncertain.
     """
+    if "stribeck_friction" in known.effects:
+        table = table.copy()
+        table[:, STRIBECK_VELOCITY] = STRIBECK_SHARE * known.speed_scale
     build = _Builder(table)
     for direction in _inertial_directions(chain, table, known):
         build.add("inertia", "-", -1, direction, 0.0, 1.0)
@@ -96,6 +106,11 @@ def unknowns(chain: Chain, table: Array, known: Knowledge) -> Unknowns:
         for name, column in (("kp_scale", KP_SCALE), ("kd_scale", KD_SCALE)):
             if known.gain_spread[joint] > 0:
                 build.of_joint(name, "-", joint, column, known.gain_spread[joint], GAIN_BOUNDS)
+        if "load_dependent_friction" in known.effects:
+            bounds = (0.0, MOST_LOAD)
+            build.of_joint("load_friction", "-", joint, LOAD_FRICTION, LOAD_SHARE, bounds)
+        if "stribeck_friction" in known.effects:
+            build.of_joint("stribeck", "N·m", joint, EXTRA, known.torque_scale[joint])
         lower, upper = known.delay_lower[joint], known.delay_upper[joint]
         if upper > lower:
             build.of_joint("delay", "s", joint, DELAY, (upper - lower) / np.sqrt(12.0), (lower, upper))
@@ -170,26 +185,3 @@ def _inertial_directions(chain: Chain, table: Array, known: Knowledge) -> Array:
     out = np.zeros((len(kept), chain.joints, WIDTH))
     out[:, :, :PER_JOINT] = kept.reshape(-1, chain.joints, PER_JOINT)
     return out
-
-
-def with_effect(
-    unknown: Unknowns,
-    name: str,
-    unit: str,
-    direction: Array,
-    deviation: float,
-    bounds: tuple[float, float],
-    joint: int,
-) -> Unknowns:
-    """The unknowns and one more, zero where the effect is not there."""
-    return replace(
-        unknown,
-        names=(*unknown.names, name),
-        units=(*unknown.units, unit),
-        joints=np.append(unknown.joints, joint),
-        basis=np.concatenate([unknown.basis, direction[None]]),
-        mean=np.append(unknown.mean, 0.0),
-        deviation=np.append(unknown.deviation, deviation),
-        lower=np.append(unknown.lower, bounds[0]),
-        upper=np.append(unknown.upper, bounds[1]),
-    )

@@ -158,6 +158,13 @@ def identify(
     fit_share: Annotated[
         float, Parameter(help="of each log without torque that is fitted; the rest of it judges")
     ] = 1.0,
+    effect: Annotated[
+        list[str] | None,
+        Parameter(
+            help="without torque: load_dependent_friction, stribeck_friction, fitted too; repeatable",
+            negative=(),
+        ),
+    ] = None,
     write_model: Annotated[
         Path | None, Parameter(help="MJCF to write: the model as identified, physically consistent")
     ] = None,
@@ -184,7 +191,16 @@ def identify(
 
         with results_folder(out, ("estimate.json",)):
             identify_servo_logs(
-                model, logs, validate or [], out, stated, fit_share, write_model, map, chosen.choice()
+                model,
+                logs,
+                validate or [],
+                out,
+                stated,
+                fit_share,
+                effect or (),
+                write_model,
+                map,
+                chosen.choice(),
             )
         return
     groups = tuple(GROUPS) if parameters is None else tuple(parameters)

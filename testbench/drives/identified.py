@@ -14,7 +14,15 @@ from identification.output_error.servo_loop import Window, simulate
 from identification.output_error.servo_run import ServoRun
 from identification.output_error.start import regression_start
 from identification.output_error.unknowns import Knowledge, Unknowns, unknowns
-from identification.parameters import ARMATURE, VISCOUS, without_friction
+from identification.parameters import (
+    ARMATURE,
+    INERTIAL,
+    MASS,
+    VISCOUS,
+    inertial_parameters,
+    pseudo_inertia,
+    without_friction,
+)
 
 from ..robot import Robot
 from .stated import Servo
@@ -25,6 +33,8 @@ Array = NDArray[np.float64]
 POSES = 64
 # Share of the prior's variance that a determined figure keeps at most.
 DETERMINED = 0.5
+# Of a link's largest second moment of mass, the least that its thinnest axis has.
+THIN = 1e-3
 
 
 @dataclass(frozen=True)
@@ -101,21 +111,28 @@ class IdentifiedDrives:
         return tuple(out)
 
 
-def identify_drives(robot: Robot, servos: Sequence[Servo], runs: Sequence[ServoRun]) -> IdentifiedDrives:
-    """The robot's drives and parameters by runs, whose servos are stated one each."""
+def identify_drives(
+    robot: Robot, servos: Sequence[Servo], runs: Sequence[ServoRun], effects: tuple[str, ...] = ()
+) -> IdentifiedDrives:
+    """The robot's drives and parameters by runs, whose servos are stated one each.
+
+    effects: names of EFFECTS in unknowns.py that every joint may have.
+    """
     servo = servos[0]
     delay = np.clip(0.0, servo.delay_lower, servo.delay_upper)
     given = plant_table(robot.parameters, delay, servo.limit)
     parts, fits, identified = limbs(robot.chain), [], given.copy()
     for limb in parts:
         own = [run.of(limb.joints) for run in runs]
-        unknown = unknowns(limb.chain, given[limb.joints], _knowledge(robot, limb, servo, own))
+        unknown = unknowns(limb.chain, given[limb.joints], _knowledge(robot, limb, servo, own, effects))
         fits.append(fit(limb.chain, unknown, own, regression_start(limb.chain, unknown, own)))
-        identified[limb.joints] = fits[-1].table
+        identified[limb.joints] = _consistent(fits[-1].table)
     return IdentifiedDrives(robot, servo, given, identified, parts, tuple(fits))
 
 
-def _knowledge(robot: Robot, limb: Limb, servo: Servo, runs: Sequence[ServoRun]) -> Knowledge:
+def _knowledge(
+    robot: Robot, limb: Limb, servo: Servo, runs: Sequence[ServoRun], effects: tuple[str, ...]
+) -> Knowledge:
     """What is known of a limb's drives, and typical of its runs."""
     joints = limb.joints
     squares, speeds, poses, samples = np.zeros(len(joints)), np.zeros(len(joints)), [], 0
@@ -139,7 +156,27 @@ def _knowledge(robot: Robot, limb: Limb, servo: Servo, runs: Sequence[ServoRun])
         torque_scale=np.sqrt(squares / samples) + 1e-9,
         speed_scale=np.sqrt(speeds / samples) + 1e-9,
         inertia=np.mean(np.diagonal(masses, axis1=1, axis2=2), axis=0),
+        effects=effects,
     )
+
+
+def _consistent(table: Array) -> Array:
+    """The table with links that can exist: second moments of mass about each centre of mass are positive.
+
+    Where some are not, as of a slender link whose thin axis no torque shows, they become all but zero.
+    """
+    out = table.copy()
+    for row in out:
+        if not row[MASS] > 0:
+            continue
+        pseudo = pseudo_inertia(row[:INERTIAL])
+        centre = pseudo[:3, 3] / row[MASS]
+        values, axes = np.linalg.eigh(pseudo[:3, :3] - row[MASS] * np.outer(centre, centre))
+        if values[0] < 0:
+            second = (axes * np.maximum(values, THIN * values[-1])) @ axes.T
+            inertia = np.trace(second) * np.eye(3) - second
+            row[:INERTIAL] = inertial_parameters(row[MASS], centre, inertia)
+    return out
 
 
 def _figures(limb: Limb, found: Fit, servo: Servo) -> list[Figure]:

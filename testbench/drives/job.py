@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from identification.errors import InputError
 from identification.output_error.plant import limbs
 from identification.output_error.servo_run import ServoRun
+from identification.output_error.unknowns import EFFECTS
 from recordings.checks.positions import require_plausible_motion
 
 from ..files import require_writable, write_json
@@ -37,6 +38,7 @@ def identify_servo_logs(
     out: Path,
     stated: StatedDrive | None,
     fit_share: float = 1.0,
+    effects: Sequence[str] = (),
     identified_model: Path | None = None,
     map_path: Path | None = None,
     choice: Choice | None = None,
@@ -44,10 +46,14 @@ def identify_servo_logs(
     """Identify the drives of logs without torque, write DIR/estimate.json, print the summary.
 
     fit_share: of each log that is fitted; the rest of it judges, beside the validation logs.
+    effects: that every joint may have beside viscous and Coulomb friction.
     identified_model: MJCF to write, with position servos. Raises InputError.
     """
     if not 0 < fit_share <= 1:
         raise InputError("testbench", "--fit-share", "above 0, and 1 at most", fit_share)
+    for effect in effects:
+        if effect not in EFFECTS:
+            raise InputError("testbench", "--effect", "an effect of a drive", repr(effect), EFFECTS)
     paths = [*logs, *validation_logs]
     require_writable(out / DOCUMENT)
     if identified_model is not None:
@@ -57,7 +63,7 @@ def identify_servo_logs(
     read = read_servo_logs(paths, robot, stated, map_path)
     fitted, judged = _divided(read[: len(logs)], fit_share)
     judged += [log.run for log in read[len(logs) :]]
-    found = identify_drives(robot, [log.servo for log in read], fitted)
+    found = identify_drives(robot, [log.servo for log in read], fitted, tuple(effects))
     errors = [_errors("fit", found, fitted)]
     if judged:
         errors.append(_errors("validation", found, judged))

@@ -109,7 +109,8 @@ def _require_plausible_gains(logs: Sequence[ServoLog], robot: Robot) -> None:
         position, velocity = log.run.smoothed
         acceleration = central_difference(velocity, log.run.rate)
         needed = _rms(inverse_dynamics(robot.chain, robot.parameters, position, velocity, acceleration, 0.01))
-        given = _rms(log.run.kp * (log.run.command - position) - log.run.kd * velocity)
+        law = log.run.kp * (log.run.command - position) - log.run.kd * velocity
+        given = _rms(np.clip(law, -log.servo.limit, log.servo.limit))
         for joint, name in enumerate(robot.joint_names):
             ratio = given[joint] / max(needed[joint], 1e-12)
             if ratio > IMPLAUSIBLE or ratio < 1 / IMPLAUSIBLE:

@@ -20,11 +20,16 @@ SHOWN = (
     ("coulomb", "Coulomb N·m", 1.0),
     ("viscous", "viscous", 1.0),
     ("damping", "kd + viscous", 1.0),
+    ("load_friction", "per load", 1.0),
+    ("stribeck", "Stribeck N·m", 1.0),
+    ("limit", "limit N·m", 1.0),
     ("kp_scale", "kp scale", 1.0),
     ("delay", "delay ms", 1e3),
 )
 COMPARED = ("armature", "coulomb", "damping", "delay", "kp_scale")
 DIGITS = 3
+# Samples of a residual that count for one.
+SYSTEMATIC = 10.0
 
 
 def remarks_on(found: IdentifiedDrives) -> tuple[str, ...]:
@@ -46,13 +51,17 @@ def remarks_on(found: IdentifiedDrives) -> tuple[str, ...]:
         left = [each.joint for each in figures if each.name == name and not each.is_determined]
         if left:
             out.append(f"The motion leaves the {text} of {_listed(left, found)} as wide as it was before.")
-    for limb, own in zip(found.limbs, found.fits, strict=True):
-        for joint, name in enumerate(limb.chain.joint_names):
-            if own.inflation[joint] * 20 > own.effective_samples[joint]:
-                out.append(
-                    f"{name}: what is left of the position error is slow and systematic: the model lacks "
-                    "something there."
-                )
+    systematic = [
+        name
+        for limb, own in zip(found.limbs, found.fits, strict=True)
+        for name, inflation in zip(limb.chain.joint_names, own.inflation, strict=True)
+        if inflation > SYSTEMATIC
+    ]
+    if systematic:
+        out.append(
+            f"What is left of the position error of {_listed(systematic, found)} is slow and systematic: the "
+            "model lacks something there, and the deviations count its samples for few."
+        )
     return tuple(out)
 
 

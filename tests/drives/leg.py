@@ -62,12 +62,15 @@ def table(model: Path) -> Array:
     return plant_table(parameters.ravel(), np.array(TRUTH["delay"]), robot.limits.torque)
 
 
-def recorded(model: Path, rate: float = 100.0, duration: float = 10.0, seed: int = 0) -> Recording:
-    """A run of the true leg as it logs: 12-bit positions, no torque."""
+def recorded(
+    model: Path, rate: float = 100.0, duration: float = 10.0, seed: int = 0, plant: Array | None = None
+) -> Recording:
+    """A run of the true leg, or of another plant, as it logs: 12-bit positions, no torque."""
     robot, follow = load_robot(model), command(rate, duration, seed)
     window = Window(follow, KP, KD, 0, len(follow), follow[0], np.zeros(2))
+    own = table(model) if plant is None else plant
     # Steps far finer than those of the fit.
-    ((run,),) = simulate(robot.chain, table(model)[None], [window], rate, step=2e-4)
+    ((run,),) = simulate(robot.chain, own[None], [window], rate, step=2e-4)
     return Recording(
         robot="leg",
         joint_names=("hip", "knee"),
