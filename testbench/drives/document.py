@@ -15,6 +15,7 @@ from identification.output_error.plant import COLUMNS, LIMIT, WIDTH
 from ..containment.json_text import read_bounded_json
 from ..files import require_file
 from ..model_reading.limits import Limits
+from .differences import Difference
 from .identified import IdentifiedDrives
 
 Array = NDArray[np.float64]
@@ -50,7 +51,10 @@ class ReadDrives:
 
 
 def drives_document(
-    found: IdentifiedDrives, errors: Sequence[Errors], remarks: Sequence[str]
+    found: IdentifiedDrives,
+    errors: Sequence[Errors],
+    remarks: Sequence[str],
+    differing: Sequence[Difference],
 ) -> dict[str, Any]:
     """What estimate.json holds, as plain JSON types; what is not known, or infinite, is null."""
     chain, servo = found.robot.chain, found.servo
@@ -84,6 +88,20 @@ def drives_document(
             }
             for each in found.alike
         ],
+        "differences": [
+            {
+                "joint": each.joint,
+                "name": each.name,
+                "stated": each.stated,
+                "value": each.value,
+                "std": each.std,
+                "unit": each.unit,
+                "evidence": each.evidence if np.isfinite(each.evidence) else None,
+                "not_told_from": list(each.alike),
+            }
+            for each in differing
+        ],
+        "judged_by": errors[-1].role,
         "position_rms": {
             each.role: {"given": each.given.tolist(), "identified": each.identified.tolist()}
             for each in errors

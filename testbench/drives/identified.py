@@ -126,7 +126,7 @@ def identify_drives(
         own = [run.of(limb.joints) for run in runs]
         unknown = unknowns(limb.chain, given[limb.joints], _knowledge(robot, limb, servo, own, effects))
         fits.append(fit(limb.chain, unknown, own, regression_start(limb.chain, unknown, own)))
-        identified[limb.joints] = _consistent(fits[-1].table)
+        identified[limb.joints] = consistent(fits[-1].table)
     return IdentifiedDrives(robot, servo, given, identified, parts, tuple(fits))
 
 
@@ -160,7 +160,7 @@ def _knowledge(
     )
 
 
-def _consistent(table: Array) -> Array:
+def consistent(table: Array) -> Array:
     """The table with links that can exist: second moments of mass about each centre of mass are positive.
 
     Where some are not, as of a slender link whose thin axis no torque shows, they become all but zero.

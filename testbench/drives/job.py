@@ -19,6 +19,7 @@ from ..robot import load_robot, print_notes
 from ..runs import logged_joints, read_motion
 from ..terminal import console
 from .corrected import write_corrected
+from .differences import differences
 from .document import DOCUMENT, Errors, ReadDrives, drives_document, read_drives
 from .identified import IdentifiedDrives, identify_drives, position_rms, simulated, split
 from .reading import ServoLog, read_servo_logs, servo_log
@@ -67,11 +68,11 @@ def identify_servo_logs(
     errors = [_errors("fit", found, fitted)]
     if judged:
         errors.append(_errors("validation", found, judged))
-    remarks = remarks_on(found)
+    remarks, differing = remarks_on(found), differences(found, judged or fitted)
     if identified_model is not None:
         write_corrected(found, identified_model)
-    write_json(drives_document(found, errors, remarks), out / DOCUMENT)
-    print_drives(found, errors, remarks)
+    write_json(drives_document(found, errors, remarks, differing), out / DOCUMENT)
+    print_drives(found, errors, remarks, differing)
     return found
 
 

@@ -9,6 +9,7 @@ from rich.text import Text
 
 from ..findings import significant
 from ..terminal import console
+from .differences import NAMES, Difference
 from .document import Errors
 from .identified import Alike, Figure, IdentifiedDrives
 
@@ -84,11 +85,17 @@ def alike_sentence(each: Alike) -> str:
     return f"{each.name} of {joints}: {different}, mean {value}"
 
 
-def print_drives(found: IdentifiedDrives, errors: Sequence[Errors], remarks: Sequence[str]) -> None:
+def print_drives(
+    found: IdentifiedDrives,
+    errors: Sequence[Errors],
+    remarks: Sequence[str],
+    differing: Sequence[Difference],
+) -> None:
     """Print headline, figures and position errors, 110 columns wide where that is no terminal."""
     before = (Text(sentence) for sentence in (headline(errors), *remarks))
     alike = (Text(alike_sentence(each)) for each in found.alike if each.name in COMPARED)
-    console().print(Group(*before, _figures(found), *alike, errors_table(found.robot.joint_names, errors)))
+    tables = (_differences(differing, errors[-1].role), errors_table(found.robot.joint_names, errors))
+    console().print(Group(*before, _figures(found), *alike, *tables))
 
 
 def headline(errors: Sequence[Errors]) -> str:
@@ -101,6 +108,25 @@ def headline(errors: Sequence[Errors]) -> str:
         f"{significant(1e3 * identified, 3)} mrad RMS, all joints pooled; by {significant(1e3 * given, 3)} "
         f"mrad with the model as published ({identified / given:.0%} of it)."
     )
+
+
+def _differences(differing: Sequence[Difference], role: str) -> Table | Text:
+    """Where the robot is not as stated, and by how much."""
+    judges = "runs that were not fitted" if role == "validation" else "the fitted runs alone"
+    if not differing:
+        return Text(f"No single figure differs from what was stated by what {judges} ask for.")
+    title = f"What differs from the model and the stated drives, judged by {judges}"
+    table = Table(title=title, title_justify="left", box=None)
+    for heading in ("joint", "what", "stated", "identified", "unit", "log-likelihood lost without it"):
+        is_number = heading not in ("joint", "what", "unit")
+        table.add_column(heading, justify="right" if is_number else "left", no_wrap=heading == "joint")
+    for each in differing:
+        alike = [NAMES[name] for name in each.alike if name in NAMES]
+        what = NAMES[each.name] + (f" (or {' or '.join(alike)})" if alike else "")
+        value = f"{significant(each.value, DIGITS)} ± {significant(each.std, 2)}"
+        evidence = significant(each.evidence, 2) if np.isfinite(each.evidence) else "all"
+        table.add_row(each.joint, what, significant(each.stated, DIGITS), value, each.unit, evidence)
+    return table
 
 
 def errors_table(joints: Sequence[str], errors: Sequence[Errors], repeat: np.ndarray | None = None) -> Table:

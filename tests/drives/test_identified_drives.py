@@ -8,15 +8,16 @@ import mujoco
 import numpy as np
 import pytest
 
-from identification.output_error.plant import LOAD_FRICTION
+from identification.output_error.plant import LOAD_FRICTION, plant_table
+from studies.drives.leg import KD, KP, TRUTH, recorded, table, written
 from testbench.cli import main
+from testbench.drives.differences import differences
 from testbench.drives.identified import identify_drives
 from testbench.drives.reading import read_servo_logs
 from testbench.log import Controller, Recording, read_log, write_log
 from testbench.robot import load_robot
 
 from ..one_line import complaint
-from .leg import KD, KP, TRUTH, recorded, table, written
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +46,26 @@ def test_delay_armature_and_friction_are_found_within_their_deviations(folder: P
     damping = {each["joint"]: each for each in document["figures"] if each["name"] == "damping"}
     for joint, truth in (("hip", 1.2), ("knee", 1.15)):
         assert abs(damping[joint]["value"] - truth) < 3 * damping[joint]["std"]
+
+
+def test_what_differs_from_the_model_is_named_with_its_size(folder: Path) -> None:
+    differing = json.loads((folder / "found" / "estimate.json").read_text())["differences"]
+    named = {(each["joint"], each["name"]) for each in differing}
+    for joint in ("hip", "knee"):
+        assert {(joint, name) for name in ("armature", "coulomb", "delay")} <= named
+    # The gains are as stated.
+    assert not {name for _, name in named} & {"kp_scale", "kd_scale", "offset"}
+
+
+def test_nothing_differs_where_the_robot_is_as_stated(folder: Path) -> None:
+    robot = load_robot(folder / "leg.xml")
+    plant = plant_table(robot.parameters, np.zeros(2), robot.limits.torque)
+    logs = [recorded(robot.path, plant=plant, seed=seed) for seed in (3, 4)]
+    for log, name in zip(logs, ("like_1.h5", "like_2.h5"), strict=True):
+        write_log(log, folder / name)
+    read = read_servo_logs([folder / "like_1.h5", folder / "like_2.h5"], robot, None)
+    found = identify_drives(robot, [read[0].servo], [read[0].run])
+    assert not differences(found, [read[1].run])
 
 
 def test_the_position_of_another_run_is_missed_far_less_than_by_the_model_as_published(folder: Path) -> None:

@@ -8,9 +8,8 @@ import numpy as np
 from identification.output_error.plant import DELAY, limbs, plant_table
 from identification.output_error.servo_loop import Window, simulate
 from identification.parameters import COULOMB
+from studies.drives.leg import KD, KP, LEG, command, table, written
 from testbench.robot import load_robot
-
-from .leg import KD, KP, LEG, command, table, written
 
 RATE = 100.0
 

@@ -1,0 +1,1 @@
+"""Robots without torque, simulated: how often intervals hold."""
