@@ -2,9 +2,9 @@
 
 Minimises half of sum_j |q_j - q_sim,j(x)|² / (s_j² f_j) + |(x - mean) / deviation|² by Levenberg-Marquardt.
 s_j and f_j are the residual's deviation and its inflation by autocorrelation: ten periods of one slow error
-count for ten samples, not for thousands. The Jacobian is by central differences: where position
-determines only ratios, the error of one-sided ones would pass for information on the scale. All its
-simulations are one batch, as are the trial steps.
+count for ten samples, not for thousands. The Jacobian is by differences, and all its simulations are one
+batch, as are the trial steps. The differences are tiny: joints that stop make the position a function with
+kinks, and one that is crossed passes for information on what is not determined.
 """
 
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ from .unknowns import Unknowns
 Array = NDArray[np.float64]
 
 # Step of a difference, in the prior's deviations.
-DIFFERENCE = 1e-3
+DIFFERENCE = 1e-6
 # Levenberg's factor at first, and what a batch of trial steps multiplies it by.
 DAMPING, TRIALS = 1e-3, (0.01, 0.1, 1.0, 10.0, 100.0, 1e4)
-ITERATIONS, ROUGH, REWEIGHTINGS = 30, 6, 3
+ITERATIONS, REWEIGHTINGS = 30, 3
 # Stop when an iteration gains less log-likelihood, or weights change by less than this share.
 GAIN, SETTLED = 1e-2, 0.05
 # Numbers that are simulated at once, which bounds memory.
@@ -70,13 +70,11 @@ def fit(
     values = problem.simulatable(unknown.held(start))
     weights = problem.weights(values)
     iterations = 0
-    for round_ in range(REWEIGHTINGS):
-        # The first weights are those of a start that is far off: it need not be exact, nor settle.
-        is_rough = round_ == 0
-        values, taken = _minimised(problem, values, weights, is_rough)
+    for _ in range(REWEIGHTINGS):
+        values, taken = _minimised(problem, values, weights)
         iterations += taken
         before, weights = weights, problem.weights(values)
-        if not is_rough and np.all(np.abs(weights / before - 1) < SETTLED):
+        if np.all(np.abs(weights / before - 1) < SETTLED):
             break
     information, _, _ = problem.linearised(values, weights)
     scale = unknown.deviation
@@ -101,7 +99,7 @@ class _Problem:
     def __init__(self, chain: Chain, unknown: Unknowns, runs: Sequence[ServoRun], threads: int | None):
         self._chain, self.unknown, self._threads = chain, unknown, threads
         self._groups: list[tuple[ServoRun, list[Window]]] = []
-        candidates = 2 * unknown.count + 1
+        candidates = unknown.count + 1
         for run in runs:
             together: list[Window] = []
             for window in windows(run):
@@ -158,33 +156,18 @@ class _Problem:
                     total[index] += 0.5 * float(np.sum((error * weights) ** 2))
         return np.where(np.isfinite(total), total, np.inf)
 
-    def linearised(
-        self, values: Array, weights: Array, one_sided: bool = False
-    ) -> tuple[Array, Array, float]:
-        """Information (m, m) and gradient (m,) of the runs and their half squares, in the prior's units.
-
-        one_sided: by forward differences, in half the time.
-        """
+    def linearised(self, values: Array, weights: Array) -> tuple[Array, Array, float]:
+        """Information (m, m) and gradient (m,) of the runs and their half squares, in the prior's units."""
         unknown, m = self.unknown, self.unknown.count
-        steps = np.diag(DIFFERENCE * unknown.deviation)
-        # On a bound the difference is one-sided.
-        below = unknown.held(values - steps)
-        moved = np.vstack([values, unknown.held(values + steps), below])
-        if one_sided:
-            # At an upper bound there is only below.
-            back = (values + np.diag(steps) > unknown.upper)[:, None]
-            moved = np.vstack([values, np.where(back, below, moved[1 : m + 1])])
-        behind_of = moved[m + 1 :] if not one_sided else np.tile(values, (m, 1))
-        apart = np.diagonal(moved[1 : m + 1] - behind_of) / unknown.deviation
+        # A step goes where there is room.
+        towards = np.where(values + DIFFERENCE * unknown.deviation > unknown.upper, -1.0, 1.0)
+        moved = values + np.vstack([np.zeros(m), np.diag(towards * DIFFERENCE * unknown.deviation)])
         information, gradient, total = np.zeros((m, m)), np.zeros(m), 0.0
         for run, own in self._groups:
             errors = [self._errors(run, own, each) for each in self._batch(run, own, moved)]
             for index, base in enumerate(errors[0]):
-                ahead = np.stack([each[index] for each in errors[1 : m + 1]], axis=-1)
-                behind = base[..., None]
-                if not one_sided:
-                    behind = np.stack([each[index] for each in errors[m + 1 :]], axis=-1)
-                rows = ((ahead - behind) * (weights[:, None] / apart)).reshape(-1, m)
+                rows = np.stack([each[index] - base for each in errors[1:]], axis=-1)
+                rows = (rows * (weights[:, None] * towards / DIFFERENCE)).reshape(-1, m)
                 # A difference of a candidate that ran away tells nothing.
                 rows = np.where(np.isfinite(rows), rows, 0.0)
                 weighted = (base * weights).ravel()
@@ -203,12 +186,11 @@ def _spread(residuals: Sequence[Array]) -> tuple[Array, Array]:
     return np.sqrt(variance), inflation
 
 
-def _minimised(problem: _Problem, values: Array, weights: Array, is_rough: bool) -> tuple[Array, int]:
+def _minimised(problem: _Problem, values: Array, weights: Array) -> tuple[Array, int]:
     """Levenberg-Marquardt from values (m,), within the bounds; the values and how many iterations it took."""
     unknown, damping = problem.unknown, DAMPING
-    most = ROUGH if is_rough else ITERATIONS
-    for iteration in range(1, most + 1):
-        information, gradient, total = problem.linearised(values, weights, is_rough)
+    for iteration in range(1, ITERATIONS + 1):
+        information, gradient, total = problem.linearised(values, weights)
         scaled = (values - unknown.mean) / unknown.deviation
         cost = total + 0.5 * float(scaled @ scaled)
         matrix, slope = information + np.eye(unknown.count), gradient + scaled
@@ -232,4 +214,4 @@ def _minimised(problem: _Problem, values: Array, weights: Array, is_rough: bool)
         damping = float(np.clip(damping * TRIALS[best], 1e-8, 1e8))
         if gained < GAIN:
             return values, iteration
-    return values, most
+    return values, ITERATIONS

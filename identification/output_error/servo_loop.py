@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 # s, longest step.
 STEP = 2.5e-3
 # rad/s (m/s) by which velocities may miss the friction law, and sweeps to get there.
-VELOCITY_TOLERANCE, SWEEPS = 1e-9, 100
+VELOCITY_TOLERANCE, SWEEPS = 1e-13, 100
 # rad/s: what runs away faster is no robot any more.
 RUNAWAY = 1e4
 
