@@ -41,8 +41,8 @@ def remarks_on(found: IdentifiedDrives) -> tuple[str, ...]:
     held = [each.joint for each in scales if not each.is_determined]
     if held:
         out.append(
-            f"No known mass fixes the scale of torque at {_listed(held, found)}: position determines only "
-            "the ratios of gains, inertia and friction there; the scale is that of the stated gains."
+            f"No known mass fixes the scale of torque at {_listed(held, found, 'any')}: position "
+            "determines only the ratios of gains, inertia and friction there; the scale is that of the stated gains."
         )
     if any(each.name == "damping" for each in figures):
         out.append(
@@ -66,9 +66,10 @@ def remarks_on(found: IdentifiedDrives) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _listed(joints: Sequence[str], found: IdentifiedDrives) -> str:
-    if len(joints) == found.robot.joints:
-        return "any joint" if len(joints) > 1 else joints[0]
+def _listed(joints: Sequence[str], found: IdentifiedDrives, of_all: str = "every") -> str:
+    """Names of joints; where it is all of several, "every joint", or another word for every."""
+    if len(joints) == found.robot.joints and len(joints) > 1:
+        return f"{of_all} joint"
     return joints[0] if len(joints) == 1 else f"{', '.join(joints[:-1])} and {joints[-1]}"
 
 
@@ -114,7 +115,7 @@ def _differences(differing: Sequence[Difference], role: str) -> Table | Text:
     """Where the robot is not as stated, and by how much."""
     judges = "runs that were not fitted" if role == "validation" else "the fitted runs alone"
     if not differing:
-        return Text(f"No single figure differs from what was stated by what {judges} ask for.")
+        return Text(f"Judged by {judges}, no single figure differs from what was stated.")
     title = f"What differs from the model and the stated drives, judged by {judges}"
     table = Table(title=title, title_justify="left", box=None)
     for heading in ("joint", "what", "stated", "identified", "unit", "log-likelihood lost without it"):
