@@ -41,8 +41,9 @@ def remarks_on(found: IdentifiedDrives) -> tuple[str, ...]:
     held = [each.joint for each in scales if not each.is_determined]
     if held:
         out.append(
-            f"No known mass fixes the scale of torque at {_listed(held, found, 'any')}: position "
-            "determines only the ratios of gains, inertia and friction there; the scale is that of the stated gains."
+            f"No known mass fixes the scale of torque at {_listed(held, found, 'any')}: "
+            "position determines only the ratios of gains, inertia and friction there; the scale is that of the "
+            "stated gains."
         )
     if any(each.name == "damping" for each in figures):
         out.append(
