@@ -5,6 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from identification.errors import InputError
+
 from .options import (
     AS_LOGGED,
     AS_STATED,
@@ -203,6 +205,9 @@ def identify(
                 chosen.choice(),
             )
         return
+    if fit_share != 1 or effect:
+        option = "--effect" if effect else "--fit-share"
+        raise InputError("testbench", option, "logs without torque, or --drive", "logs with torque")
     groups = tuple(GROUPS) if parameters is None else tuple(parameters)
     preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
     options = IdentificationOptions(estimator, groups, preprocessing, strict, own_bands=True)

@@ -98,9 +98,18 @@ def _of_limb(limb: Limb, found: Fit, runs: Sequence[ServoRun]) -> list[Differenc
             for other in np.flatnonzero(unknown.joints == joint)
             if other != place and abs(correlation[place, other]) > COLLINEAR
         )
-        name = limb.chain.joint_names[joint]
-        figures = (unknown.mean[place], found.values[place], std[place], evidence)
-        out.append(Difference(name, unknown.names[place], unknown.units[place], *map(float, figures), alike))
+        out.append(
+            Difference(
+                joint=limb.chain.joint_names[joint],
+                name=unknown.names[place],
+                unit=unknown.units[place],
+                stated=float(unknown.mean[place]),
+                value=float(found.values[place]),
+                std=float(std[place]),
+                evidence=evidence,
+                alike=alike,
+            )
+        )
     return out
 
 

@@ -42,8 +42,8 @@ def remarks_on(found: IdentifiedDrives) -> tuple[str, ...]:
     if held:
         out.append(
             f"No known mass fixes the scale of torque at {_listed(held, found, 'any')}: "
-            "position determines only the ratios of gains, inertia and friction there; the scale is that of the "
-            "stated gains."
+            "position determines only the ratios of gains, inertia and friction there; the scale is that of "
+            "the stated gains."
         )
     if any(each.name == "damping" for each in figures):
         out.append(

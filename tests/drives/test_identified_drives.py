@@ -178,3 +178,12 @@ def test_a_log_without_gains_says_where_to_state_them(
         main([*command.split(), "--drive", "position_servo"])
     assert "--kp and --kd" in capfd.readouterr().err
     assert "--drive" in complaint(f"{command} --kp 20", capfd)
+
+
+def test_what_is_for_logs_without_torque_is_refused_for_others(
+    folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    log, path = read_log(folder / "fit.h5"), tmp_path / "torque.h5"
+    write_log(replace(log, torque=np.zeros_like(log.position), controller=None), path)
+    command = f"identify --model {folder / 'leg.xml'} {path} --out {tmp_path / 'out'} --fit-share 0.5"
+    assert "--fit-share: expected logs without torque" in complaint(command, capfd)
