@@ -187,9 +187,18 @@ def identify(
     from ..drives.reading import measures_no_torque
     from ..identify import identify_logs
 
+    groups = tuple(GROUPS) if parameters is None else tuple(parameters)
+    preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
+    options = IdentificationOptions(estimator, groups, preprocessing, strict, own_bands=True)
     stated = drives.stated()
     if stated is not None or measures_no_torque(logs[0], map):
         from ..drives.job import identify_servo_logs
+
+        if options != IdentificationOptions("wls", tuple(GROUPS), Preprocessing(), False, own_bands=True):
+            names = "--estimator, --parameters, --strict or a filter's option"
+            raise InputError(
+                "testbench", names, "logs with torque", "a loop that is simulated, which has none"
+            )
 
         with results_folder(out, ("estimate.json",)):
             identify_servo_logs(
@@ -208,8 +217,5 @@ def identify(
     if fit_share != 1 or effect:
         option = "--effect" if effect else "--fit-share"
         raise InputError("testbench", option, "logs without torque, or --drive", "logs with torque")
-    groups = tuple(GROUPS) if parameters is None else tuple(parameters)
-    preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
-    options = IdentificationOptions(estimator, groups, preprocessing, strict, own_bands=True)
     with results_folder(out, ("estimate.json", "report.html")):
         identify_logs(model, logs, validate or [], out, options, write_model, map, chosen.choice())

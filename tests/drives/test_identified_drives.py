@@ -187,3 +187,7 @@ def test_what_is_for_logs_without_torque_is_refused_for_others(
     write_log(replace(log, torque=np.zeros_like(log.position), controller=None), path)
     command = f"identify --model {folder / 'leg.xml'} {path} --out {tmp_path / 'out'} --fit-share 0.5"
     assert "--fit-share: expected logs without torque" in complaint(command, capfd)
+    servo = (
+        f"identify --model {folder / 'leg.xml'} {folder / 'fit.h5'} --out {tmp_path / 'out'} --estimator irls"
+    )
+    assert "expected logs with torque" in complaint(servo, capfd)
