@@ -189,7 +189,7 @@ class Family:
         return next((member for member in self.members if member.shape == shape), None)
 
     def on_demand(self, again: Callable[[], "Family"]) -> "Family":
-        """The same, its columns made when they are read: of all they fill a memory. again: makes the family."""
+        """The same, its columns made when they are read, since all fill a memory. again: makes the family."""
         make = self.member
 
         def member(index: int, own: Member) -> Member:
