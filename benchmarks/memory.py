@@ -12,7 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.base_parameters import base_parameters
+from identification.filtering import decimation_step
 from identification.inverse_dynamics import inverse_dynamics
+from identification.observations import Preprocessing
+from identification.parameters import DEFAULT_GROUPS
 from testbench.log import Recording, write_log
 from testbench.robot import Robot, load_robot
 
@@ -58,15 +62,25 @@ def measure() -> Report:
             model, logs = made(case, folder)
             seconds, gibibytes = measured(case.command, model, logs, folder / "out")
             largest = max(largest, gibibytes)
-            rows.append((case.what, case.command, f"{seconds:.0f}", f"{gibibytes:.2f}"))
+            equations = f"{_equations(load_robot(model), case):.2f}"
+            rows.append((case.what, case.command, f"{seconds:.0f}", f"{gibibytes:.2f}", equations))
             for log in logs:
                 log.unlink()
     return Report(
-        columns=("logs", "command", "s", "GiB"),
+        columns=("logs", "command", "s", "GiB", "equations, GiB"),
         rows=tuple(rows),
         goals=(Goal("GiB of the largest", largest, GIBIBYTES, at_least=False),),
-        notes=("GiB: resident memory of the process and its children together, at its largest.",),
+        notes=(
+            "GiB: resident memory of the process and its children together, at its largest.",
+            "equations: the decimated regressor of the base parameters along all runs.",
+        ),
     )
+
+
+def _equations(robot: Robot, case: Case) -> float:
+    """GiB of the equations that are fitted."""
+    instants = case.runs * case.seconds * case.rate / decimation_step(case.rate, Preprocessing().cutoff)
+    return instants * robot.joints * base_parameters(robot.chain, DEFAULT_GROUPS).count * 8 / 2**30
 
 
 def made(case: Case, folder: Path) -> tuple[Path, list[Path]]:
@@ -158,7 +172,3 @@ def _resident(pid: int) -> int:
         return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
         return 0
-
-
-if __name__ == "__main__":
-    pass

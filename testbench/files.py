@@ -92,6 +92,14 @@ def require_file(path: Path, field: str, expected: str) -> None:
         raise InputError(path, field, expected, "a file that may not be read")
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; False for a name that no file can have."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def read_json(path: Path) -> Any:
     """A JSON file's content. Raises InputError when it is none."""
     require_file(path, "file", "an existing JSON file")

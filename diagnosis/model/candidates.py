@@ -160,7 +160,8 @@ def candidates(
         for joint, into in places(each.DESCRIPTION, prepared.robot.chain.is_slide)
         if prepared.moves(joint, into)
     ]
-    sought = [place for place in wanted if place not in same]
+    # One joint after the other, whose derivatives of the load are kept meanwhile.
+    sought = sorted((place for place in wanted if place not in same), key=lambda place: place[1] or 0)
     for each in in_parallel(
         prepared, [partial(effect(name).signature, logged, j, k) for name, j, k in sought]
     ):
@@ -173,7 +174,7 @@ def in_parallel(prepared: Prepared, families: Sequence[Callable[[], Family]]) ->
 
     def members(family: Callable[[], Family]) -> list[Candidate]:
         made = family()
-        kept = made.on_demand()
+        kept = made.on_demand(family)
         return [
             replace(candidate(prepared, kept, member), member=light)
             for member, light in zip(made.members, kept.members, strict=True)

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from identification.errors import InputError
 from testbench.containment.names import FolderName
+from testbench.files import is_file
 from testbench.scenario import Fraction, Seconds, first_fault
 from testbench.yaml_file import read_fields
 
@@ -118,7 +119,7 @@ def load_blind_scenario(path: str | Path, seed: int | None = None) -> BlindScena
     robots = []
     for robot in scenario.robots:
         model = path.parent / robot.model
-        if not model.is_file():
+        if not is_file(model):
             raise InputError(path, "robots.model", "an existing MJCF or URDF file", robot.model)
         robots.append(robot.model_copy(update={"model": model}))
     changes: dict[str, Any] = {"robots": tuple(robots)}

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from identification.errors import InputError
 from testbench.containment.names import FolderName
+from testbench.files import is_file
 from testbench.scenario import (
     BackgroundSection,
     EffectSection,
@@ -64,7 +65,7 @@ def load_loop_scenario(path: str | Path, seed: int | None = None) -> LoopScenari
     except ValidationError as error:
         raise first_fault(path, LoopScenario, error) from None
     model = path.parent / scenario.model
-    if not model.is_file():
+    if not is_file(model):
         raise InputError(path, "model", "an existing MJCF or URDF file", scenario.model)
     changes = {"model": model} | ({} if seed is None else {"seed": seed})
     return scenario.model_copy(update=changes)

@@ -6,6 +6,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from identification.errors import InputError
+from testbench.files import is_file
 from testbench.scenario import first_fault
 from testbench.yaml_file import read_fields
 
@@ -90,7 +91,7 @@ def _split(plan: Path, folder: Path, robot: RecordedRobot, text: str) -> Split:
         raise InputError(plan, f"recordings.{folder.name}.splits", FORM, repr(text))
     paths = [folder / f"{name}.h5" for name in (*names, held_out)]
     for path in (*paths, folder / robot.model):
-        if path.parent != folder or not path.is_file():
+        if path.parent != folder or not is_file(path):
             raise InputError(plan, f"recordings.{folder.name}", "files of that folder", path.name)
     return Split(
         recording=folder.name,

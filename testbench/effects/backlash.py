@@ -25,7 +25,7 @@ from .base import EffectDescription, EffectParameter, Injection, Scope
 from .joint_elasticity import add_link_joint
 from .link_motion import gap_windup, link_row, loose_change
 from .mjcf_form import file_angle
-from .signature import Family, Logged, Member, Quantity, grid_family
+from .signature import ColumnsByRun, Family, Logged, Member, Quantity, grid_family
 
 Array = NDArray[np.float64]
 
@@ -82,9 +82,8 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     def member(shape: Mapping[str, float]) -> Member:
         gap, contact = shape["gap"], shape["contact"]
-        columns = tuple(
-            loose_change(link, gap, contact, own)[:, :, None]
-            for link, own in zip(links, tight(contact), strict=True)
+        columns = ColumnsByRun(
+            lambda run: loose_change(links[run], gap, contact, tight(contact)[run])[:, :, None], len(links)
         )
         return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, 2.0))
 

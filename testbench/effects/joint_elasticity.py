@@ -27,7 +27,7 @@ from .action import (
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .link_motion import elastic_change, link_row, typical_link_inertia
 from .mjcf_form import joint_element
-from .signature import Family, Logged, Member, Quantity
+from .signature import ColumnsByRun, Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 
@@ -115,7 +115,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     def member(shape: Mapping[str, float]) -> Member:
         spring = shape["stiffness"], damping(shape), shape.get("doubling_windup", np.inf)
-        columns = tuple(elastic_change(link, *spring)[:, :, None] for link in links)
+        columns = ColumnsByRun(lambda run: elastic_change(links[run], *spring)[:, :, None], len(links))
         if "doubling_windup" in shape:
             return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, MOST_HARDENING), HARDENING)
         return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, np.inf))

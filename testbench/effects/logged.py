@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 ANGLE_STEP = 1e-5
 # Samples of the load's derivatives in a period of the cut-off.
 SPLINE_SAMPLES = 8
+# Joints whose derivatives of the load are kept: effects are made for one joint after the other.
+DERIVATIVES = 3
 # What a run has of every sample.
 PER_SAMPLE = (
     "time",
@@ -191,7 +193,8 @@ class Logged:
 
     def load_derivatives(self, joint: int) -> tuple[Array, Array, Array]:
         """d load / d(q, dq, ddq) of one joint, each (N, n)."""
-        if joint not in self._derivatives:
+        kept = self._derivatives
+        if (found := kept.get(joint)) is None:
             # The motion has nothing above the cut-off, so a coarse grid and a cubic spline carry them.
             step = max(int(self.sample_rate / (SPLINE_SAMPLES * self.cutoff)), 1)
             grid = np.unique(np.r_[0 : self.samples : step, self.samples - 1])
@@ -199,8 +202,11 @@ class Logged:
             if step > 1 and len(grid) > 3:
                 values = make_interp_spline(grid, values)(np.arange(self.samples))
             by_q, by_dq, by_ddq = (np.ascontiguousarray(part) for part in np.split(values, 3, axis=1))
-            self._derivatives[joint] = by_q, by_dq, by_ddq
-        return self._derivatives[joint]
+            found = kept[joint] = by_q, by_dq, by_ddq
+            # Those of all joints are most of what a run would hold.
+            for old in list(kept)[:-DERIVATIVES]:
+                kept.pop(old, None)
+        return found
 
     def _load_derivatives_at(self, joint: int, samples: NDArray[np.int64]) -> Array:
         """Derivatives by q, dq and ddq of one joint, side by side, (K, 3 n)."""

@@ -85,6 +85,25 @@ class ColumnsOnDemand(Sequence[Array]):
         return len(self._made)
 
 
+class ColumnsByRun(Sequence[Array]):
+    """A member's columns, those of a run made whenever they are read, and kept by nobody."""
+
+    def __init__(self, make: Callable[[int], Array], runs: int):
+        self._make, self._runs = make, range(runs)
+
+    @overload
+    def __getitem__(self, run: int) -> Array: ...
+    @overload
+    def __getitem__(self, run: slice) -> Sequence[Array]: ...
+    def __getitem__(self, run: int | slice) -> Array | Sequence[Array]:
+        if isinstance(run, slice):
+            return [self._make(each) for each in self._runs[run]]
+        return self._make(self._runs[run])
+
+    def __len__(self) -> int:
+        return len(self._runs)
+
+
 @dataclass(frozen=True)
 class Window:
     """Columns that are zero but from a sample ``first`` on, and but for some of all, from ``column`` on.
@@ -169,18 +188,18 @@ class Family:
             return self.member(shape)
         return next((member for member in self.members if member.shape == shape), None)
 
-    def on_demand(self) -> "Family":
-        """The same, with the columns of refined shapes made when they are read: of all they fill a memory."""
+    def on_demand(self, again: Callable[[], "Family"]) -> "Family":
+        """The same, its columns made when they are read, since all fill a memory. again: makes the family."""
         make = self.member
-        if make is None or not self.refine:
-            return self
-        members = (
-            replace(member, columns=ColumnsOnDemand(partial(make, member.shape)))
-            if self.refine.keys() & member.shape.keys()
-            else member
-            for member in self.members
-        )
-        return replace(self, members=tuple(members))
+
+        def member(index: int, own: Member) -> Member:
+            if isinstance(own.columns, ColumnsByRun | WindowedColumns):
+                return own
+            if make is not None and self.refine.keys() & own.shape.keys():
+                return replace(own, columns=ColumnsOnDemand(partial(make, own.shape)))
+            return replace(own, columns=ColumnsOnDemand(lambda: again().members[index]))
+
+        return replace(self, members=tuple(member(index, own) for index, own in enumerate(self.members)))
 
 
 def grid_family(

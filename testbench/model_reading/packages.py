@@ -6,6 +6,8 @@ from pathlib import Path
 
 from identification.errors import InputError
 
+from ..files import is_file
+
 # Prefixes of a file in a package, in ROS and in Gazebo.
 IN_PACKAGE = ("package://", "model://")
 
@@ -31,7 +33,7 @@ def found_file(name: str, urdf: Path, meshdir: str, packages: Mapping[str, Path]
     file's folder, or from meshdir.
     """
     for place in _places(name, urdf.resolve().parent, meshdir, packages):
-        if place.is_file():
+        if is_file(place):
             return place
     return None
 

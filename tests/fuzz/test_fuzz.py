@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from identification.errors import InputError
+from testbench.containment import child
 from testbench.files import read_json
 from testbench.yaml_file import read_fields
 
@@ -25,7 +27,10 @@ def test_what_is_damaged_is_good(tmp_path: Path) -> None:
         each.read(tmp_path / each.name)
 
 
-def test_damaged_inputs_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
+def test_damaged_inputs_are_read_or_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child, "PATIENCE", 2.0)
     counts, broken = read_damaged(tmp_path, 56, RUNS)
     assert broken == []
     assert sum(counts.values()) == RUNS
