@@ -45,8 +45,9 @@ def _is_unsupported(item: Accepted, kept: Kept) -> bool:
 
 
 def is_too_short(item: Accepted, has_enough_samples: NDArray[np.bool_]) -> bool:
-    """Whether an effect loads only joints of too few samples. has_enough_samples: (n,) of the joints."""
-    return not has_enough_samples[list(item.candidate.member.rows)].any()
+    """Whether an effect of the whole robot loads only joints of too few samples. has_enough_samples: (n,)."""
+    candidate = item.candidate
+    return candidate.family.joint is None and not has_enough_samples[list(candidate.member.rows)].any()
 
 
 def doubt(named: NamedEffect) -> str:

@@ -95,7 +95,7 @@ def test_what_explains_nearly_all_has_a_name_in_half_the_time(tmp_path, samples,
     coupling = parse_injection(arm, "joint_coupling:shoulder:into=elbow,viscous=4,coulomb=4")
     runs = simulated_runs(arm, [coupling], runs=1)
     found = diagnose(arm, {name: _without(run, slice(samples, None)) for name, run in runs.items()})
-    assert not found.final[0].is_told.any()
+    assert not found.final[0].has_enough_samples.any()
     assert [(each.effect, each.joint) for each in found.effects] == [("joint_coupling", 0)] * named
     assert found.untold == (() if named else (0, 1))
 

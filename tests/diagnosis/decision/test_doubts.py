@@ -61,7 +61,11 @@ def test_a_name_is_lost_where_left_out_runs_keep_nothing_of_the_effects():
     assert [each.doubt for each in found] == [NOT_PREDICTED, "", "", NOT_PREDICTED, "", ""]
 
 
-@pytest.mark.parametrize(("rows", "expected"), [((0,), True), ((0, 2), True), ((0, 1, 2), False)])
-def test_an_effect_is_not_reported_where_every_joint_that_it_loads_has_too_few_samples(rows, expected):
-    item: Any = SimpleNamespace(candidate=SimpleNamespace(member=SimpleNamespace(rows=rows)))
+@pytest.mark.parametrize(
+    ("joint", "rows", "expected"),
+    [(None, (0,), True), (None, (0, 2), True), (None, (0, 1, 2), False), (0, (0,), False)],
+)
+def test_an_effect_of_the_robot_needs_a_joint_of_enough_samples(joint, rows, expected):
+    family, member = SimpleNamespace(joint=joint), SimpleNamespace(rows=rows)
+    item: Any = SimpleNamespace(candidate=SimpleNamespace(family=family, member=member))
     assert is_too_short(item, np.array([False, True, False])) == expected
