@@ -30,6 +30,8 @@ UNDERSTOOD = "understood"
 CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "position_servo", "unknown")
 # Median sample interval against sample_rate: clocks of real robots jitter, but not on the whole.
 RATE_TOLERANCE = 0.01
+# Nothing is measured as more, in any unit; squares of it are no number.
+LARGEST = 1e100
 # A log is put on a grid, gaps and all, which may be so many times as long as its samples.
 MOST_GAPS = 100
 
@@ -505,9 +507,15 @@ def _check_values(
     values = np.asarray(values)
     if values.shape != shape:
         raise InputError(source, name, f"shape {expected}", values.shape)
-    finite = np.isfinite(values)
+    finite = is_measurable(values)
     if not finite.all():
         first = np.argwhere(~finite)[0]
         at = f" at sample {first[0]}" if values.ndim == 2 else ""
         got = f"{values[tuple(first)]}{at}, joint {recording.joint_names[first[-1]]}"
-        raise InputError(source, name, "finite values", got)
+        raise InputError(source, name, f"finite values up to {LARGEST:g}", got)
+
+
+def is_measurable(values: Array) -> NDArray[np.bool_]:
+    """Which values are finite, and no larger than anything is measured as."""
+    # Of NaN neither is so.
+    return np.asarray(np.abs(values) <= LARGEST)

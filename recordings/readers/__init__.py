@@ -12,9 +12,12 @@ from functools import cache
 from pathlib import Path
 from typing import Protocol, cast
 
+import numpy as np
+
 from identification.errors import InputError
 from testbench.containment.child import contained
 from testbench.files import require_file
+from testbench.log import LARGEST, is_measurable
 
 from ..table import Table
 
@@ -64,6 +67,11 @@ def tables(path: Path) -> list[Table]:
     size = SLOWER * sum(each.stat().st_size for each in files)
     found = contained("recordings.readers:_read", path, "log", _undamaged(reader_of(path)), size=size)
     assert isinstance(found, list)
+    for column in (column for table in found for column in table.columns()):
+        values = column.values
+        if values.dtype.kind == "f" and np.any(np.isfinite(values) & ~is_measurable(values)):
+            largest = float(np.abs(values[np.isfinite(values)]).max())
+            raise InputError(path, column.name, f"numbers up to {LARGEST:g}", f"{largest:g}")
     return found
 
 

@@ -27,3 +27,10 @@ def test_text_that_is_none_further_down_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_bytes(lines.encode() + b"\xff\xfe,1\n1,2\n")
     with pytest.raises(InputError, match=r"run\.csv: log: expected .*, got UnicodeDecodeError"):
         tables(tmp_path / "run.csv")
+
+
+def test_what_nothing_is_measured_as_is_one_line(tmp_path: Path) -> None:
+    lines = "time,q,tau\n" + "".join(f"{index},{index},1e300\n" for index in range(20))
+    (tmp_path / "run.csv").write_text(lines)
+    with pytest.raises(InputError, match=r"run\.csv: tau: expected numbers up to 1e\+100, got 1e\+300"):
+        tables(tmp_path / "run.csv")
