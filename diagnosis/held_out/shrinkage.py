@@ -76,28 +76,29 @@ def _moved(before: list[Array], after: list[Array], share: Array) -> list[Array]
 def _share(before: list[Array], after: list[Array], weights: Array, together: bool = False) -> Array:
     """Shares (n,) of the change between residuals (2, M, n) of each run. together: one of all joints."""
     cuts = -(-PIECES // len(before))
-    gained, size = [], []
+    gained, sizes = [], []
     for one, other in zip(before, after, strict=True):
         for piece, changed in zip(
             np.array_split(one, cuts, axis=1), np.array_split(one - other, cuts, axis=1), strict=True
         ):
             gained.append(weights * np.einsum("stj,stj->sj", changed, piece))
-            size.append(weights * np.einsum("stj,stj->sj", changed, changed))
+            sizes.append(weights * np.einsum("stj,stj->sj", changed, changed))
     # Sums over the samples of each piece, kind and joint, (pieces, 2, n).
-    gain, power = np.array(gained), np.array(size)
+    gain, power = np.array(gained), np.array(sizes)
     if together:
         gain, power = (np.repeat(each.sum(axis=2, keepdims=True), len(weights), 2) for each in (gain, power))
     tiny = np.finfo(float).tiny
-    whole = np.maximum(power.sum(axis=(0, 1)), tiny)
-    best = gain.sum(axis=(0, 1)) / whole
+    best = gain.sum(axis=(0, 1)) / np.maximum(power.sum(axis=(0, 1)), tiny)
+    # Of samples that move alone: what rest leaves is of no model, and says little of the share.
+    gain, power = gain[:, 0], power[:, 0]
+    size = np.maximum(power.sum(axis=0), tiny)
+    moving = gain.sum(axis=0) / size
     # Of a ratio of sums, by pieces that differ (Cochran, "Sampling Techniques", 1977, section 6.3).
-    off = (gain - best * power).sum(axis=1)
-    pieces = len(off)
-    error = np.sqrt(pieces / (pieces - 1) * np.sum(off**2, axis=0)) / whole
-    # The error on runs left out is back where it was at twice its own best share.
-    moving = power[:, 0].sum(axis=0)
-    most = np.where(moving > 0, 2 * gain[:, 0].sum(axis=0) / np.maximum(moving, tiny), 0.0)
-    doubt = np.divide(error, best, out=np.ones_like(best), where=best > error)
+    pieces = len(gain)
+    error = np.sqrt(pieces / (pieces - 1) * np.sum((gain - moving * power) ** 2, axis=0)) / size
+    doubt = np.divide(error, moving, out=np.ones_like(best), where=moving > error)
     sure = best * (1 - doubt**2)
+    # The error on runs left out is back where it was at twice its own best share.
+    most = 2 * moving
     share = np.where(sure >= ALL, 1.0, np.where(sure <= 1 - ALL, 0.0, sure))
     return np.asarray(np.clip(np.minimum(share, most), 0.0, 1.0))

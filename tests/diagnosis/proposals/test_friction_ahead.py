@@ -75,7 +75,9 @@ def test_an_effect_beside_it_is_named_alone(arm):
 def test_it_is_told_kept_and_predicted(arm, logs, tmp_path):
     found = diagnose(arm, logs)
     assert "ahead of the joints" in near_rest(found)[-1]
-    assert any("ahead of the joints" in each for each in write_corrected(found, tmp_path / "corrected.xml"))
+    assert any(
+        "ahead of the joints" in each for each in write_corrected(found, tmp_path / "corrected.xml").lacks
+    )
     model = read_correction(correction_document(corrected_model(found)), "written")
     assert model.coulomb_lead == found.prepared.coulomb_lead
     run = next(iter(logs.values()))

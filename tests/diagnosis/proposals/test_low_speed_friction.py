@@ -109,7 +109,7 @@ def test_it_is_predicted_and_said_not_to_be_in_the_simulator(arm, tmp_path):
     runs = _soft(arm)
     found = diagnose(arm, runs)
     assert any(
-        "soft near rest" in sentence for sentence in write_corrected(found, tmp_path / "corrected.xml")
+        "soft near rest" in sentence for sentence in write_corrected(found, tmp_path / "corrected.xml").lacks
     )
     run = next(iter(runs.values()))
     left = predict_torque(corrected_model(found), run).corrected[:, SHOULDER] - run.torque[:, SHOULDER]
