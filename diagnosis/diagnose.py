@@ -135,8 +135,9 @@ def _hardly_seen(found: Attribution) -> NDArray[np.bool_]:
     """Joints (n,) that move by themselves, or too little for a cause to be seen, and have none reported."""
     alone = found.prepared.by_itself | ~found.hypothesis.has_enough_samples
     for item in found.accepted:
-        if item.named and item.candidate.family.joint is not None:
-            alone[item.candidate.family.joint] = False
+        family = item.candidate.family
+        if item.named:
+            alone[[joint for joint in (family.joint, family.into) if joint is not None]] = False
     return alone
 
 
