@@ -34,6 +34,7 @@ class Outcome:
     """What became of a split.
 
     error: the program's line where it failed, or empty. warnings: lines on stderr of a run that succeeded.
+    log_warnings: codes of the checks' warnings about the fitted logs.
     given, parameters, effects: RMS torque error on the held-out run by the model given, re-identified and
     with effects, both sides low-passed at CUTOFF, as a share of the RMS torque of all joints. unfiltered:
     the last of them without the low-pass. named: (effect, joint, probability). heaviest: the heaviest link
@@ -46,6 +47,7 @@ class Outcome:
     warnings: tuple[str, ...] = ()
     verdict: str = ""
     sentence: str = ""
+    log_warnings: tuple[str, ...] = ()
     given: float = float("nan")
     parameters: float = float("nan")
     effects: float = float("nan")
@@ -84,6 +86,9 @@ def judge(split: Split) -> Outcome:
             warnings=tuple(warnings),
             verdict=document["verdict"],
             sentence=document.get("sentence", ""),
+            log_warnings=tuple(
+                dict.fromkeys(each["code"] for each in document["log_findings"] if each["severity"] == "warn")
+            ),
             given=given,
             parameters=parameters,
             effects=effects,

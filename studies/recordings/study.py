@@ -65,6 +65,8 @@ def _said(split: Split, outcome: Outcome) -> str:
     if not names:
         sentence = " ".join(outcome.sentence.split()).replace("|", "/")
         parts.append(sentence if len(sentence) <= SENTENCE else sentence[:SENTENCE] + " …")
+    if outcome.log_warnings:
+        parts.append("checks warn: " + ", ".join(each.replace("_", " ") for each in outcome.log_warnings))
     wrong = wrong_names(split, outcome)
     if wrong:
         parts.append("WRONG: " + ", ".join(wrong))
@@ -94,7 +96,8 @@ def _work(split: Split) -> dict[str, Any]:
 def _outcome(row: dict[str, Any]) -> Outcome:
     values: dict[str, Any] = {key: float("nan") if value is None else value for key, value in row.items()}
     named = tuple((effect, joint, probability) for effect, joint, probability in values["named"])
-    return Outcome(**values | {"warnings": tuple(values["warnings"]), "named": named})
+    tuples = {key: tuple(values[key]) for key in ("warnings", "log_warnings")}
+    return Outcome(**values | tuples | {"named": named})
 
 
 def _csv(outcomes: list[Outcome]) -> str:
