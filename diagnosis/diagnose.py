@@ -72,7 +72,9 @@ def diagnose(
     again = recurrence(*final)
     model = corrected_by(only[1], final, again, everything(robot.joints))
     barred = barring(log_findings)
-    kept, left = _kept(only, final, left_at_rest(prepared, model), _torque(prepared), barred is None)
+    kept, supported, left = _kept(
+        only, final, left_at_rest(prepared, model), _torque(prepared), barred is None
+    )
     only, gap = (only[0], replace(only[1], held_out=left[1])), _gap(prepared, final[0], left)
     fitted_gap = rms(final[1].residual, final[0])
     torque = _torque(prepared)
@@ -81,12 +83,12 @@ def diagnose(
     untold = [each for each in closed_without_a_name(accepted, gap, torque) if each.joint not in told]
     accepted, bursts = pushes_that_hold(accepted, gap)
     found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold, *bursts))
-    found = _without_doubtful(found, kept)
+    found = _without_doubtful(found, supported)
     if (alone := _hardly_seen(found)).any() and kept.effects[alone].any():
         # What other joints' motion would make of them was never seen.
         seen = np.where(alone, 0.0, kept.effects)
         kept = replace(kept, effects=seen, effects_whole=kept.effects_whole * float(seen.any()))
-        found = replace(found, accepted=with_support(found.accepted, kept))
+        found = replace(found, accepted=with_support(found.accepted, supported & ~alone))
         effects_left = tuple(np.where(alone, a, b) for a, b in zip(left[1], left[2], strict=True))
         gap = _gap(prepared, final[0], (left[0], left[1], effects_left))
     named = [index for index, item in enumerate(found.accepted) if item.named]
@@ -141,9 +143,9 @@ def _hardly_seen(found: Attribution) -> NDArray[np.bool_]:
     return alone
 
 
-def _without_doubtful(found: Attribution, kept: Kept) -> Attribution:
+def _without_doubtful(found: Attribution, supported: NDArray[np.bool_]) -> Attribution:
     """The attribution without names that left-out runs, a bound or their own deviation speak against."""
-    accepted = list(with_support(found.accepted, kept))
+    accepted = list(with_support(found.accepted, supported))
     sines = one_sine(found.prepared)
     by_sines = bool(sines) and sines | found.prepared.still >= set(range(found.prepared.joints))
     for index, item in enumerate(accepted):
@@ -163,23 +165,23 @@ def _kept(
     at_rest: tuple[tuple[Array, ...], ...],
     torque: Array,
     with_effects: bool,
-) -> tuple[Kept, tuple[tuple[Array, ...], ...]]:
+) -> tuple[Kept, NDArray[np.bool_], tuple[tuple[Array, ...], ...]]:
     """How much of what was fitted is kept, and what that leaves of runs held out, a run (M, n).
 
-    The second: by the model as given, re-identified, and with the effects. at_rest: the same near rest, zero
-    elsewhere. torque: (n,) N·m of the joints. with_effects: False where nothing is kept of them, since a
+    The second: the joints (n,) that effects predict better. The third: by the model as given, re-identified,
+    and with the effects. at_rest: the same near rest, zero elsewhere. torque: (n,) N·m of the joints. with_effects: False where nothing is kept of them, since a
     log that counts otherwise than the model gives effects that stand for that.
     """
     first = only[0]
     nominal = tuple(np.where(used, gap, 0.0) for used, gap in zip(first.used, first.gap, strict=True))
     weights = 1 / np.maximum(torque, np.finfo(float).tiny) ** 2
     stages = nominal, only[1].held_out, final[1].held_out
-    kept = shares_kept(stages, at_rest, weights)
+    kept, supported = shares_kept(stages, at_rest, weights)
     if not with_effects:
         kept = replace(kept, effects=np.zeros_like(kept.effects), effects_whole=0.0)
     each_run = zip(*stages, strict=True)
     parameters, effects = zip(*(kept.of_torque(*run) for run in each_run), strict=True)
-    return kept, (nominal, parameters, effects)
+    return kept, supported, (nominal, parameters, effects)
 
 
 def _gap(prepared: Prepared, hypothesis: Design, left: Sequence[Sequence[Array]]) -> Gap:

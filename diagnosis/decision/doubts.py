@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from testbench.effects import effect
 
-from ..held_out.shrinkage import Kept
 from ..model.effect_sizes import sizes
 from ..plausibility.accepted import Accepted
 from .findings import NamedEffect
@@ -22,18 +21,18 @@ TOO_SHORT = "fitted, but the runs hold too few seconds of motion of every joint 
 ONE_SINE = "fitted, but each joint follows one sine: laws of position and inertia are one along it"
 
 
-def with_support(accepted: Sequence[Accepted], kept: Kept) -> tuple[Accepted, ...]:
-    """The fitted effects, those not reported of which held-out runs keep nothing at their joints.
+def with_support(accepted: Sequence[Accepted], supported: NDArray[np.bool_]) -> tuple[Accepted, ...]:
+    """The fitted effects, those not reported at none of whose joints held-out runs are predicted better.
 
-    Exempt are effects that re-identification absorbs, which the parameters' shift shows, and pushes, which
-    predict no other run.
+    supported: (n,) of the joints where they are. Exempt are effects that re-identification absorbs, which
+    the parameters' shift shows, and pushes, which predict no other run.
     """
     return tuple(
-        replace(a, named=False, doubt=NOT_PREDICTED) if _is_unsupported(a, kept) else a for a in accepted
+        replace(a, named=False, doubt=NOT_PREDICTED) if _is_unsupported(a, supported) else a for a in accepted
     )
 
 
-def _is_unsupported(item: Accepted, kept: Kept) -> bool:
+def _is_unsupported(item: Accepted, supported: NDArray[np.bool_]) -> bool:
     family = item.candidate.family
     if not item.named or family.swallowed or item.candidate.is_event or not item.candidate.shows:
         return False
@@ -41,7 +40,7 @@ def _is_unsupported(item: Accepted, kept: Kept) -> bool:
         joints = list(item.candidate.member.rows)
     else:
         joints = [family.joint] if family.into is None else [family.joint, family.into]
-    return not kept.effects[joints].any()
+    return not supported[joints].any()
 
 
 def is_too_short(item: Accepted, has_enough_samples: NDArray[np.bool_]) -> bool:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 # From this share on all is kept, and up to the rest of it nothing: that costs a hundredth of what is gained.
 ALL = 0.9
@@ -53,28 +54,33 @@ def everything(joints: int) -> Kept:
 
 def shares_kept(
     left_out: Sequence[Sequence[Array]], at_rest: Sequence[Sequence[Array]], weights: Array
-) -> Kept:
-    """Shares to keep, by residuals of samples that were not fitted: (M, n) a run, zero where none counts.
+) -> tuple[Kept, Mask]:
+    """Shares to keep, and the joints (n,) that effects predict better at all, however surely.
 
-    left_out: by the model as given, re-identified, and with the effects, of runs that were left out, whose
+    By residuals of samples that were not fitted: (M, n) a run, zero where none counts. left_out: by the model as given, re-identified, and with the effects, of runs that were left out, whose
     errors are never made larger. at_rest: the same near rest, where nothing is fitted. weights: (n,) of the
     joints' squared residuals against each other. A joint of which no sample counts keeps nothing.
     """
     stages = [[list(run) for run in zip(*each, strict=True)] for each in zip(left_out, at_rest, strict=True)]
     given, first, second = ([np.stack(run) for run in stage] for stage in stages)
-    of_first = _share(given, first, np.ones(len(weights)))
-    of_second = _share(_moved(given, first, of_first), second, np.ones(len(weights)))
-    whole = _share(given, first, weights, together=True)
-    of_both = _share(_moved(given, first, whole), second, weights, together=True)
-    return Kept(of_first, of_second, float(whole[0]), float(of_both[0]))
+    of_first, _ = _share(given, first, np.ones(len(weights)))
+    of_second, best = _share(_moved(given, first, of_first), second, np.ones(len(weights)))
+    whole, _ = _share(given, first, weights, together=True)
+    of_both, _ = _share(_moved(given, first, whole), second, weights, together=True)
+    return Kept(of_first, of_second, float(whole[0]), float(of_both[0])), best > 1 - ALL
 
 
 def _moved(before: list[Array], after: list[Array], share: Array) -> list[Array]:
     return [a + share * (b - a) for a, b in zip(before, after, strict=True)]
 
 
-def _share(before: list[Array], after: list[Array], weights: Array, together: bool = False) -> Array:
-    """Shares (n,) of the change between residuals (2, M, n) of each run. together: one of all joints."""
+def _share(
+    before: list[Array], after: list[Array], weights: Array, together: bool = False
+) -> tuple[Array, Array]:
+    """Shares (n,) of the change between residuals (2, M, n) of each run; those of the least squared error.
+
+    together: one of all joints.
+    """
     cuts = -(-PIECES // len(before))
     gained, sizes = [], []
     for one, other in zip(before, after, strict=True):
@@ -101,4 +107,4 @@ def _share(before: list[Array], after: list[Array], weights: Array, together: bo
     # The error on runs left out is back where it was at twice its own best share.
     most = 2 * moving
     share = np.where(sure >= ALL, 1.0, np.where(sure <= 1 - ALL, 0.0, sure))
-    return np.asarray(np.clip(np.minimum(share, most), 0.0, 1.0))
+    return np.asarray(np.clip(np.minimum(share, most), 0.0, 1.0)), np.minimum(best, most)

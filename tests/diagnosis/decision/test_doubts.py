@@ -14,7 +14,6 @@ from diagnosis.decision.doubts import (
     is_too_short,
     with_support,
 )
-from diagnosis.held_out.shrinkage import Kept
 from diagnosis.plausibility.accepted import Accepted
 from testbench.effects.signature import Quantity
 
@@ -47,7 +46,6 @@ def _taken_in(joint: int, into: int | None = None, swallowed: bool = False, even
 
 
 def test_a_name_is_lost_where_left_out_runs_keep_nothing_of_the_effects():
-    kept = Kept(np.ones(3), np.array([0.0, 0.6, 0.0]), 1.0, 1.0)
     items = [
         _taken_in(0),
         _taken_in(1),
@@ -56,7 +54,7 @@ def test_a_name_is_lost_where_left_out_runs_keep_nothing_of_the_effects():
         _taken_in(2, swallowed=True),
         _taken_in(2, event=True),
     ]
-    found = with_support(items, kept)
+    found = with_support(items, np.array([False, True, False]))
     assert [each.named for each in found] == [False, True, True, False, True, True]
     assert [each.doubt for each in found] == [NOT_PREDICTED, "", "", NOT_PREDICTED, "", ""]
 

@@ -22,7 +22,7 @@ def _residuals(seed: int, parameters: float, effects: float) -> tuple[list[np.nd
 def _kept(*left_out: list[np.ndarray]) -> Kept:
     """What is kept where no sample is near rest."""
     at_rest = [[np.zeros_like(run) for run in runs] for runs in left_out]
-    return shares_kept(left_out, at_rest, np.ones(JOINTS))
+    return shares_kept(left_out, at_rest, np.ones(JOINTS))[0]
 
 
 def _squares(runs: list[np.ndarray]) -> np.ndarray:
@@ -34,7 +34,7 @@ def _squares(runs: list[np.ndarray]) -> np.ndarray:
 def test_what_is_kept_is_never_worse_on_runs_left_out(seed: int, parameters: float, effects: float) -> None:
     given_, first, second = _residuals(seed, parameters, effects)
     weights = np.array([1.0, 4.0, 0.25])
-    kept = shares_kept((given_, first, second), _residuals(seed + 1, effects, parameters), weights)
+    kept, _ = shares_kept((given_, first, second), _residuals(seed + 1, effects, parameters), weights)
     shrunk, final = zip(
         *(kept.of_torque(*run) for run in zip(given_, first, second, strict=True)), strict=True
     )
@@ -76,7 +76,7 @@ def test_what_only_harms_near_rest_is_kept_less() -> None:
     given_ = [np.random.default_rng(5).standard_normal((80, JOINTS))]
     halved = [0.5 * given_[0]]
     harmed = [given_[0], given_[0], 4.0 * given_[0]]
-    kept = shares_kept((given_, given_, halved), [[each] for each in harmed], np.ones(JOINTS))
+    kept, _ = shares_kept((given_, given_, halved), [[each] for each in harmed], np.ones(JOINTS))
     np.testing.assert_array_equal(kept.effects, np.zeros(JOINTS))
 
 
