@@ -169,8 +169,9 @@ def _kept(
     """How much of what was fitted is kept, and what that leaves of runs held out, a run (M, n).
 
     The second: the joints (n,) that effects predict better. The third: by the model as given, re-identified,
-    and with the effects. at_rest: the same near rest, zero elsewhere. torque: (n,) N·m of the joints. with_effects: False where nothing is kept of them, since a
-    log that counts otherwise than the model gives effects that stand for that.
+    and with the effects. at_rest: the same near rest, zero elsewhere. torque: (n,) N·m of the joints.
+    with_effects: False where nothing is kept of them, since a log that counts otherwise than the model gives
+    effects that stand for that.
     """
     first = only[0]
     nominal = tuple(np.where(used, gap, 0.0) for used, gap in zip(first.used, first.gap, strict=True))

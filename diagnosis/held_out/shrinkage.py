@@ -57,9 +57,10 @@ def shares_kept(
 ) -> tuple[Kept, Mask]:
     """Shares to keep, and the joints (n,) that effects predict better at all, however surely.
 
-    By residuals of samples that were not fitted: (M, n) a run, zero where none counts. left_out: by the model as given, re-identified, and with the effects, of runs that were left out, whose
-    errors are never made larger. at_rest: the same near rest, where nothing is fitted. weights: (n,) of the
-    joints' squared residuals against each other. A joint of which no sample counts keeps nothing.
+    By residuals of samples that were not fitted: (M, n) a run, zero where none counts. left_out: by the model
+    as given, re-identified, and with the effects, of runs that were left out, whose errors are never made
+    larger. at_rest: the same near rest, where nothing is fitted. weights: (n,) of the joints' squared
+    residuals against each other. A joint of which no sample counts keeps nothing.
     """
     stages = [[list(run) for run in zip(*each, strict=True)] for each in zip(left_out, at_rest, strict=True)]
     given, first, second = ([np.stack(run) for run in stage] for stage in stages)
