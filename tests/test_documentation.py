@@ -22,7 +22,9 @@ from .small_arm import ARM
 from .synthetic import synthetic_result, synthetic_robot
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted(
+    [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")]
+)
 TOP_LEVEL = ("name", "model", "joints", "fix_base", "packages", "seed")
 SECTIONS = [name for name in Scenario.model_fields if name not in TOP_LEVEL]
 
