@@ -100,7 +100,7 @@ def diagnose(
         verdict = _verdict(found, gap)
         sentence = sentence_of(robot, verdict, effects, found.unknown, gap, torque)
     else:
-        # Beside such a gap whatever has a name stands for a part of it.
+        # With such a gap, any reported effect stands for a part of it.
         stop = "" if barred.sentence.endswith("?") else "."
         verdict, sentence = (
             "unknown",
@@ -166,12 +166,12 @@ def _kept(
     torque: Array,
     with_effects: bool,
 ) -> tuple[Kept, NDArray[np.bool_], tuple[tuple[Array, ...], ...]]:
-    """How much of what was fitted is kept, and what that leaves of runs held out, a run (M, n).
+    """Shrinkage shares of the fitted changes, the joints that effects improve, and the held-out residuals.
 
-    The second: the joints (n,) that effects predict better. The third: by the model as given, re-identified,
-    and with the effects. at_rest: the same near rest, zero elsewhere. torque: (n,) N·m of the joints.
-    with_effects: False where nothing is kept of them, since a log that counts otherwise than the model gives
-    effects that stand for that.
+    The joints: (n,), those that the effects predict better. The residuals: a run (M, n), of the model as
+    given, re-identified, and with the effects, after shrinkage. at_rest: the same near rest, zero elsewhere.
+    torque: (n,) N·m of the joints. with_effects: False where nothing is kept of them, since a log that counts
+    otherwise than the model gives effects that stand for that.
     """
     first = only[0]
     nominal = tuple(np.where(used, gap, 0.0) for used, gap in zip(first.used, first.gap, strict=True))

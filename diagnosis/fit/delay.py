@@ -153,9 +153,9 @@ class _Shifted:
         return likelihood + float(log_prior(self.hypothesis, values)), values
 
     def _moved(self, run: int, samples: int) -> tuple[Array, Array]:
-        """What shifting back by whole samples adds to a run's filtered torque, (M, n) N·m; X' of it, (n, p).
+        """Change of a run's filtered torque, (M, n) N·m, by a shift of whole samples; its products, (n, p).
 
-        The first sample is held, or the last.
+        The products are X'y with the regressor X. The first sample is held, or the last.
         """
         if (run, samples) not in self.known:
             each = self.base.prepared.runs[run]

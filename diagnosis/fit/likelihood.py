@@ -56,7 +56,7 @@ def gained_by_joint(stage: Stage, gain: Gain) -> Array:
 
 
 def gained_elsewhere(stage: Stage, gain: Gain) -> float:
-    """What is left of it without the joint at which the candidate explains most."""
+    """Log-likelihood that a candidate gains at all joints but its best one, and by the parameters' shift."""
     by_joint = gained_by_joint(stage, gain)
     return float(by_joint.sum() - by_joint.max()) + gained_by_shift(stage, gain)
 
@@ -126,7 +126,7 @@ def likeliest_of(stage: Stage, family: Family, members: Sequence[Member]) -> lis
 
 
 def _likeliness(weighed: Weighed) -> float:
-    """What members of a family are compared by: of many shapes of a law one fits by chance."""
+    """Score less the logarithm of the number of shapes tried, since one of many shapes fits by chance."""
     return weighed.score - float(np.log(weighed.candidate.shapes))
 
 

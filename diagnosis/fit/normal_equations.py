@@ -192,7 +192,7 @@ def _with_held_out(
     for fold, (run, part) in enumerate(folds):
         rest = tuple(np.delete(each, fold, axis=0) for each in sums)
         apart[fold] = _values(hypothesis, rest, fitted.prior_scales, fitted.bounds)
-        # No other run foretells an event: it is told apart from what the model predicts, not predicted.
+        # No other run predicts an event: it is distinguished from what the model predicts, not predicted.
         apart[fold, events] = fitted.values[events]
         held_out[run][part] = _left(hypothesis, run, part, apart[fold])
     return replace(fitted, held_out=tuple(held_out), apart=apart)
@@ -220,7 +220,9 @@ def rms(residual: Sequence[Array], hypothesis: Design) -> Array:
 
 
 def is_extrapolated(together: Array, left_out: Array) -> NDArray[np.bool_]:
-    """Whether what is left without a part of the runs is none of the robot's: nothing else told of that part.
+    """Whether a part of the runs is extrapolated to: its held-out residual is far above the fitted one.
+
+    Such a held-out residual says nothing of the robot, since no other part of the runs determines it.
 
     together, left_out: squared residuals of what is fitted to all runs, and of each part without it.
     """

@@ -1,4 +1,4 @@
-"""What every candidate would add to a fitted hypothesis, all at once, by the Schur complement.
+"""Gain in likelihood of every candidate effect over a fitted hypothesis, by the Schur complement.
 
 Nothing needs the stacked rows twice: the columns of all candidates are multiplied once with the base
 regressor, a fold and a joint at a time, and every later hypothesis adds only its own few columns.
@@ -29,12 +29,12 @@ FREE_RIDGE = 0.02
 
 @dataclass(frozen=True)
 class Gain:
-    """What a candidate adds to a fitted hypothesis.
+    """Improvement of a fitted hypothesis by the columns of one candidate effect.
 
     objective: drop of the objective, chi-squared units. held_out: (n,) drop of the held-out squared
     residual of each joint, N²·m². coefficients: (k,). overlap: the largest share of any of the
     candidate's directions that the hypothesis already spans. prior: log-prior of the parameters once the
-    candidate is in. information: (k, k) what the runs tell of the coefficients.
+    candidate is in. information: (k, k) information matrix of the coefficients.
     """
 
     candidate: Candidate
@@ -125,7 +125,7 @@ class Stage:
         return replace(gain, held_out=held_out, prior=float(log_prior(hypothesis, fitted.values)))
 
     def gain(self, candidate: Candidate) -> Gain | None:
-        """What one candidate adds; None where its columns are zero on these runs."""
+        """Gain of one candidate; None where its columns are zero on these runs."""
         return self.gains(Bank(self.ground, [candidate]))[0]
 
     def exactly(self, candidate: Candidate) -> tuple[float, Array] | None:
@@ -147,7 +147,7 @@ class Stage:
         return float(moved @ (2 * right - matrix @ moved)), moved[len(values) :]
 
     def gains(self, bank: Bank) -> list[Gain | None]:
-        """What each candidate of the bank adds; None where its columns are zero on these runs."""
+        """Gain of each candidate of the bank; None where its columns are zero on these runs."""
         if bank not in self._weighed:
             self._weighed[bank] = self._gains(bank)
         return self._weighed[bank]

@@ -1,4 +1,4 @@
-"""Logs whose torque is late against their positions: it is taken back before anything else is told.
+"""Logs whose torque is late against their positions: it is taken back before anything else is judged.
 
 Drives report filtered currents, and messages of two senders are stamped as they arrive. A common timing error
 is among the unknowns of every hypothesis, but linear: from a few milliseconds on what it leaves would look

@@ -151,7 +151,10 @@ def _most(prepared: Prepared, payload: Candidate, taken: set[str]) -> _Own | Non
 
 
 def _explained(hypothesis: Design, fitted: Fit, index: int, kind: str, payload: Candidate) -> _Own | None:
-    """What a run has of its own kind beside the parameters of all runs; None where nothing of it shows."""
+    """Fit of a run's own payload, friction or offsets, besides the parameters shared by all runs.
+
+    None where the run shows nothing of this kind.
+    """
     prepared, base = hypothesis.prepared, ground(hypothesis.prepared)
     run, n = prepared.runs[index], hypothesis.prepared.joints
     if kind == PAYLOAD:

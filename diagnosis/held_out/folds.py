@@ -1,4 +1,4 @@
-"""What is left out in turn: whole runs, but of what no other run tells, parts of it."""
+"""Folds for cross-validation: whole runs, or parts of a run that the other runs do not determine."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -17,16 +17,16 @@ SEEN = 0.01
 # Then it is left out in so many parts, by the number of runs: all folds together are what a fit costs.
 PARTS = {1: 12, 2: 6} | dict.fromkeys(range(3, 7), 3)
 PARTS_OF_MANY = 2
-# An effect that says this log-likelihood in one run, which has this share of all that it does, and that the
-# others hardly foretell: by less than this share of it.
+# An effect that gains this log-likelihood in one run, which is this share of all that it gains, and that the
+# others hardly predict: less than this share of it.
 TOLD, OF_ONE, FORETOLD = 30.0, 0.9, 0.5
 
 
 def covered(prepared: Prepared) -> Prepared:
-    """The runs with folds that the others foretell: joints may move in turn, or in one run alone be fast."""
+    """The runs with folds that the others predict: joints may move in turn, or in one run alone be fast."""
     hypothesis, fitted = fitted_to(prepared, [])
     torque = ground(prepared).torque_rms
-    # No other run tells of a joint that moves in one alone.
+    # A joint that moves in one run only is not identifiable from the others.
     alone: set[int] = set()
     if len(prepared.runs) > 1:
         alone.update(np.flatnonzero(np.any(prepared.moved_alone, axis=1)).tolist())
@@ -39,7 +39,7 @@ def covered(prepared: Prepared) -> Prepared:
 
 
 def covered_for(stage: Stage, bank: Bank) -> Prepared:
-    """The runs with folds that foretell effects of the bank, too: one run alone may show a play."""
+    """The runs with folds that predict effects of the bank, too: only one run may show a backlash."""
     prepared = stage.prepared
     runs = np.array([run for run, _ in prepared.folds])
     gains, alone = stage.gains(bank), set()

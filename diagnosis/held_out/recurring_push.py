@@ -1,4 +1,4 @@
-"""A push that comes in every run alike: what the other runs foretell of it, so that it can be predicted."""
+"""A push that comes in every run alike, so that each run predicts it in the others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from ..model.hypothesis import Design
 
 Array = NDArray[np.float64]
 
-# Share of the push in each run that the other runs must foretell.
+# Share of the push in each run that the other runs must predict.
 FORETOLD = 0.7
 # Of the columns' squares, against loads that these runs do not tell apart.
 RIDGE = 1e-4
@@ -48,7 +48,7 @@ def _recurring(hypothesis: Design, fitted: Fit, pushed: Candidate, values: Array
     shapes: list[tuple[float, dict[str, float]]] = []
 
     def judged(shape: dict[str, float]) -> tuple[float, Recurrence]:
-        """The push of that shape, and the least share of any run's that the others foretell."""
+        """The push of that shape, and the least share of any run's that the others predict."""
         assert pushed.family.member is not None
         made = candidate(prepared, pushed.family, pushed.family.member(shape))
         squared, right, left = _sums(hypothesis, fitted, made, torque)

@@ -1,4 +1,4 @@
-"""How much of what was fitted is kept, so that runs that were left out are never predicted worse without it.
+"""Shares to which fitted changes are shrunk, so that they never predict left-out runs worse than before.
 
 The torque of a model moves from the one before it by a share s of the whole change, 0 to 1, the one of the
 smallest squared error on runs that were left out:

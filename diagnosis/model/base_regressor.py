@@ -1,4 +1,4 @@
-"""What every hypothesis stands on: the base regressor of these runs, and its products, taken once.
+"""Base regressor of these runs and its products, computed once and shared by every hypothesis.
 
 Rigid body, rotors, friction and offsets of every joint, and a common timing error; to the right of them each
 hypothesis adds its effects' own few columns.

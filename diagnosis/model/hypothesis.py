@@ -183,7 +183,7 @@ def scaled_precision(hypothesis: Design, scales: Array) -> Array:
 
 
 def bounds(hypothesis: Design) -> tuple[Array, Array]:
-    """What the unknowns may be, two of (p,): standard parameters anything."""
+    """Lower and upper bounds of the parameters, (p,) each; standard parameters are unbounded."""
     unbounded = np.full(hypothesis.parameters, np.inf)
     lower = np.concatenate([-unbounded, *(c.member.lower for c in hypothesis.accepted)])
     upper = np.concatenate([unbounded, *(c.member.upper for c in hypothesis.accepted)])

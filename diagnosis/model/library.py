@@ -1,4 +1,4 @@
-"""What is sought in the runs: the catalogue's columns and free functions of the motion, made once for a load.
+"""Regressor columns of all catalogue effects and of free functions of the motion, made once for a load.
 
 Linearised anew, most runs carry the load that they did: what is known of friction near rest, a warming joint
 or a late sensor moves next to nothing of it. Then only those columns are made again that friction is in.
@@ -22,7 +22,7 @@ class Sought:
     """The catalogue without some effects, along runs that are linearised again and again.
 
     motions: free functions of the motion. catalogue: all members of all families, but of limits and of pushes
-    of the surroundings, which are sought in ways of their own. Both as of the last ``along``.
+    of the surroundings, which are searched for in ways of their own. Both as of the last ``along``.
     """
 
     without: Sequence[str]

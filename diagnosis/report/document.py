@@ -47,7 +47,7 @@ def diagnosis_document(
     forward: ForwardGap | None = None,
     next_experiment: NextExperiment | None = None,
 ) -> dict[str, Any]:
-    """What diagnosis.json holds, as plain JSON types; candidates sorted, likeliest first."""
+    """Content of diagnosis.json as plain JSON types; candidates sorted, likeliest first."""
     names, units = diagnosis.robot.joint_names, diagnosis.robot.units()
 
     def name(joint: int | None) -> str | None:

@@ -1,4 +1,4 @@
-"""What was found, in the words of the report."""
+"""Sentences of the report that state the verdict, the effects and the unexplained residual."""
 
 from collections.abc import Sequence
 
@@ -87,7 +87,7 @@ def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
     closed, place = gap.told_closed, ""
     little = gap.closed is None or gap.closed < LITTLE_CLOSED
     if little and joint is not None and (own := gap.closed_at(joint)) is not None and own >= LITTLE_CLOSED:
-        # Of all joints' torque most may be another's, whose parameters foretell one run better than another.
+        # Most of all joints' torque may be another's, whose parameters predict one run better than another.
         closed, place = own, f" at {robot.joint_names[joint]}"
     if closed is None:
         return "re-identified parameters leave little but noise along these motions"
@@ -97,7 +97,7 @@ def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
 
 
 def unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
-    """What no effect explains, and what would, from its joint on."""
+    """Phrase on a residual that no effect explains: its joint, what it follows, and a likely cause."""
     if item.nearest is not None:
         nearest = f"{robot.joint_names[item.joint]} {item.nearest.replace('_', ' ')} comes nearest"
         left = f"leaves {np.sqrt(item.share):.0%} of the gap"

@@ -18,12 +18,12 @@ BINS, FEWEST = 30, 4
 
 
 def signature(diagnosis: Diagnosis, named: NamedEffect) -> go.Figure:
-    """What is left without the effect over velocity, position and time, with the fitted law over it.
+    """Plot of the residual without the effect over velocity, position and time, and of the fitted law.
 
     Of a limit that leaves nothing (flat_top.py), the torque itself.
 
     The residual before is the final model's with this effect's own torque put back, so that the points
-    do not depend on what re-identification alone would have swallowed.
+    do not depend on what re-identified parameters would have absorbed.
     """
     if not named.candidate.shows:
         return reported_limit(diagnosis, named)
@@ -104,7 +104,7 @@ def partial_residual(diagnosis: Diagnosis, named: NamedEffect) -> tuple[list[Arr
 
 
 def caption(diagnosis: Diagnosis, named: NamedEffect) -> str:
-    """What a signature plot shows, in words."""
+    """Caption of a signature plot: the effect and its joint, and the joint whose torque is shown."""
     shown = diagnosis.robot.joint_names[_shown_joint(diagnosis, named)]
     at = place(diagnosis.robot, named.joint, named.into)
     return f"{labelled(diagnosis.robot, named.effect, named.joint, named.into)}" + (

@@ -146,7 +146,7 @@ def near_rest(diagnosis: Diagnosis) -> list[str]:
 
 
 def untold(diagnosis: Diagnosis) -> list[str]:
-    """The joints of which too little is told for a name, and why; nothing where all move enough."""
+    """The joints that move too little for an effect to be reported, and why; empty where all move enough."""
     names, said = diagnosis.robot.joint_names, []
     if still := [names[joint] for joint in sorted(diagnosis.prepared.still)]:
         stay = "it stays as the model has it" if len(still) == 1 else "they stay as the model has them"
@@ -215,7 +215,7 @@ def noise_unseen(diagnosis: Diagnosis) -> list[str]:
 
 
 def differences(diagnosis: Diagnosis) -> list[str]:
-    """What some runs have and others have not; nothing where they are alike."""
+    """Sentences on payload, offsets or friction in which runs differ; empty where they are alike."""
     return in_words(diagnosis.differences, diagnosis.robot.joint_names, diagnosis.robot.units())
 
 
@@ -226,7 +226,7 @@ def silent(diagnosis: Diagnosis) -> list[str]:
 
 
 def everywhere(diagnosis: Diagnosis) -> list[str]:
-    """What is fitted and has no name beside the other joints' imperfections; nothing where nothing is."""
+    """Sentence on fitted effects that are not reported, as other joints have them too; empty without any."""
     places: dict[str, list[str]] = {}
     for name, joint in sorted(diagnosis.everywhere, key=str):
         assert joint is not None

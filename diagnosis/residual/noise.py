@@ -1,4 +1,4 @@
-"""What sensor noise alone leaves of a torque residual, from the logs themselves.
+"""Noise floor of the torque residual, estimated from the logs themselves.
 
 Where the reference repeats, what differs between repetitions is noise and what repeats is misfit.
 Elsewhere the spectrum of torque's noise, where it is seen alone, is continued into the band of the motion.
@@ -35,9 +35,10 @@ LOW_PASSED = 0.7
 
 @dataclass(frozen=True)
 class Noise:
-    """What noise leaves after the parallel filter, over all runs.
+    """Noise floor of each joint's torque after the parallel filter, over all runs.
 
-    rms: (n,) N·m. seen: (n,) bool, whether it is seen alone; it is not in a log that was low-passed.
+    rms: (n,) N·m. seen: (n,) bool, whether it is seen apart from the motion; it is not in a log that was
+    low-passed.
     """
 
     rms: Array
@@ -46,7 +47,7 @@ class Noise:
 
 @lru_cache(maxsize=2)
 def noise(prepared: Prepared) -> Noise:
-    """What noise of torque and encoders leaves of these runs."""
+    """Noise floor of these runs, from the noise of torque sensors and encoders."""
     squares = [_repetition(run) for run in prepared.runs]
     known = [s for s in squares if s is not None]
     if known:

@@ -30,7 +30,7 @@ SMALLEST_SHARE, SMALLEST_TORQUE = 0.25, 0.015
 SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
 
 # What an effect of healthy size explains, this share of it, is none where it is less than this of the torque;
-# as surely as a name is told.
+# as surely as an effect that is reported.
 AS_WELL, LITTLE_TORQUE, SMALLEST_WALD = 0.8, 0.03, 25.0
 
 # What is left counts without any function to follow where it is this share of the joint's RMS torque, so many
@@ -55,7 +55,7 @@ LOUD_TORQUE, LOUD_NOISE, LOUD_LEFT = 0.03, 6.0, 0.2
 # the torque: 1 / sqrt(12), and a fifth more.
 QUANTISED = 0.35
 # What as many coefficients fit by chance has this Wald's statistic at most, in its standard deviations: where
-# parameters are extrapolated, a function of run time may seem to foretell what all runs do not fit.
+# parameters are extrapolated, a function of run time may seem to predict what all runs do not fit.
 BY_CHANCE = 3.0
 # A period counts from so many times the share that chance gives one.
 MORE_THAN_CHANCE = 2.0
@@ -91,7 +91,7 @@ def foretold_shares(stage: Stage, free: Bank) -> Array:
 
 
 def fitted_shares(stage: Stage, free: Bank) -> Array:
-    """Largest share of each joint's squared residual that a function of the motion fits, (n,): not foretold.
+    """Largest share of each joint's squared residual that a function of the motion fits, (n,), not held-out.
 
     Functions of the run's time are left out, as above.
     """
@@ -104,7 +104,7 @@ def fitted_shares(stage: Stage, free: Bank) -> Array:
 
 
 def _of_motion(stage: Stage, free: Bank) -> list[Gain]:
-    """What the free functions gain, but for those of the run's time."""
+    """Gains of the free functions of the motion, without those of the run's time."""
     gains = [gain for gain in stage.gains(free) if gain is not None]
     return [gain for gain in gains if gain.candidate.family.effect != FREE + RUN_TIME]
 
@@ -126,7 +126,7 @@ def unclaimed(first: Stage, last: Stage, free: Bank, certain: Stage | None = Non
 
 
 def _of_free_functions(first: Stage, last: Stage, free: Bank) -> Iterator[Unclaimed]:
-    """What smooth functions of the motion foretell."""
+    """Unexplained residual that smooth functions of the motion predict, of each joint."""
     for weighed in weigh(last, free):
         joint = weighed.candidate.family.joint
         assert joint is not None
@@ -138,7 +138,7 @@ def _of_free_functions(first: Stage, last: Stage, free: Bank) -> Iterator[Unclai
 
 
 def _of_periods(first: Stage, last: Stage) -> Iterator[Unclaimed]:
-    """What repeats with the position, too often for a smooth function."""
+    """Unexplained residual that is periodic in the position, too often for a smooth function."""
     for joint in np.flatnonzero(_relative(last) > SMALLEST_TORQUE).tolist():
         if (period := _period(last, joint)) is not None:
             more = period.share * float(last.held_squares[joint])
@@ -146,7 +146,7 @@ def _of_periods(first: Stage, last: Stage) -> Iterator[Unclaimed]:
 
 
 def with_its_period(last: Stage, item: Unclaimed) -> Unclaimed:
-    """What follows nothing and shakes at no frequency, with the period in the position that much of it has.
+    """The unexplained residual with the period in position that much of it has, where no other pattern fits.
 
     last: with all effects taken in.
     """
@@ -179,7 +179,7 @@ def _if_enough(first: Stage, last: Stage, joint: int, regime: str, more: float) 
 
 
 def _of_timing(last: Stage) -> Iterator[Unclaimed]:
-    """What a common delay explains that is longer than between the sampling of torque and of position.
+    """Residual explained by a common delay longer than that between sampling of torque and of position.
 
     Torque that is logged late, through a filter, is the log's, not the robot's.
     """
@@ -198,7 +198,7 @@ def _of_timing(last: Stage) -> Iterator[Unclaimed]:
 def without_imperfections(
     robot: Robot, first: Stage, last: Stage, found: Sequence[Unclaimed], open_: Sequence[Weighed]
 ) -> list[Unclaimed]:
-    """What is unclaimed, without the little that an effect of a healthy size explains as well.
+    """Unexplained residuals, without small ones that an effect of a healthy size explains as well.
 
     robot: that sizes are relative to. open_: the effects that the last stage has not.
     """
@@ -225,7 +225,7 @@ def share_left(first: Stage, last: Stage) -> Array:
 
 
 def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
-    """What is too much to be nothing, and follows nothing."""
+    """Unexplained residual too large for noise that follows neither the motion nor a period."""
     of_sensors = noise(last.prepared)
     relative, times_noise = _relative(last), _rms(last) / of_sensors.rms
     left = share_left(first, last)
@@ -270,9 +270,10 @@ def _relative(stage: Stage) -> Array:
 
 
 def _slow(stage: Stage, joint: int, residual: Sequence[Array]) -> tuple[float, float]:
-    """How much of a joint's residual, a run (M, n), lies where motion does, beyond what noise has there.
+    """Share of a joint's squared residual in the motion's frequencies, beyond noise; and its relative RMS.
 
-    As a share of its square, nothing for noise and one for what is nowhere else; its RMS by the joint's own.
+    The share is 0 for noise and 1 for a residual at no other frequencies; the RMS is relative to the joint's
+    RMS torque. residual: a run (M, n).
     """
     own, used = [run[:, joint] for run in residual], [run[:, joint] for run in stage.hypothesis.used]
     share, expected = slow_share(stage.prepared.runs, joint, own, used)

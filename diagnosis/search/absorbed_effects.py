@@ -1,9 +1,9 @@
-"""What re-identification swallows, looked for once all imperfections of every joint are fitted beside it.
+"""Search for effects that re-identified parameters absorb, with every joint's imperfections fitted, too.
 
 A gain error, an offset of an encoder, a payload or a spring leaves a small trace in what is left; any
-robot's own imperfections leave larger ones, which would hide it or be taken for it. What bends all parameters
-is told by all runs together and by how near to the model it lets the parameters be: left-out runs, foretold
-by bent parameters, say next to nothing of it.
+robot's own imperfections leave larger ones, which would hide it or be taken for it. An effect that bends all
+parameters shows in all runs together and in how near to the model it lets the parameters be: left-out runs,
+predicted by bent parameters, say next to nothing of it.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ IMPERFECTIONS = (
     "transmission_ripple",
     "cable_spring",
 )
-# What leaves no more than a trace on many motions, and is taken for what is swallowed.
+# Effects that leave no more than a trace on many motions, and are treated as absorbed.
 TRACES = ("encoder_eccentricity", "base_tilt")
 # Log-likelihood from which an imperfection is worth fitting beside, that a trace must gain, and that must be
 # left of it without any one joint but its own.
@@ -44,7 +44,7 @@ WORTH_A_FIT_AGAINST = 25.0
 
 
 def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Weighed]]:
-    """The stage with the joints' imperfections fitted beside, and the swallowed effects that show there.
+    """The stage with the joints' imperfections fitted, too, and the absorbed effects that show there.
 
     Best first. weighed: all effects that the stage has not, best first.
     """
@@ -133,7 +133,7 @@ def _best_of_joints(weighed: Sequence[Weighed]) -> list[Candidate]:
 
 
 def _elsewhere(stage: Stage, weighed: Weighed) -> float:
-    """What is left of the score without the joint that gains most, unless it is the one that is acted on.
+    """Score without the joint that gains most, unless it is the joint that the effect acts on.
 
     Parameters moved by an effect may happen to suit another joint's misfit.
     """

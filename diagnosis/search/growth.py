@@ -68,10 +68,9 @@ Array = NDArray[np.float64]
 MOST_EFFECTS, MOST_TERMS = 8, 16
 # What moves the loads of several joints, or a joint against its encoder, as a zero that lies elsewhere does.
 LIKE_ZEROS = ("base_tilt", PAYLOAD, *TRANSMISSIONS)
-# A zero that parameters are taken beside is among the first that are taken in: of 20 robots that have one it
-# was the first or second in 19, and the third in one.
+# An encoder offset that the runs are linearised with is accepted among the first effects, if there is one.
 FIRST_TAKEN = 4
-# A rival this probable cannot be told apart on these runs.
+# A rival this probable cannot be distinguished on these runs.
 CONFUSABLE = 0.1
 
 
@@ -194,7 +193,7 @@ def _grown(
 
 
 def _as_of(hypothesis: Design, accepted: Sequence[Accepted]) -> list[Accepted]:
-    """What was taken in, with the candidates that the hypothesis has of it."""
+    """The accepted effects, each with the hypothesis' own candidate in place of its own."""
     return [replace(a, candidate=c) for a, c in zip(accepted, hypothesis.accepted, strict=True)]
 
 
@@ -209,14 +208,14 @@ def _zero_of(prepared: Prepared) -> tuple[str, int]:
 
 
 def _is_of_another(prepared: Prepared, weighed: Sequence[Weighed]) -> bool:
-    """Whether what looks like a zero gains more than the one of these parameters. weighed: best first."""
+    """Whether an effect that resembles an encoder offset gains more than the offset. weighed: best first."""
     places = [w.candidate.place[:2] for w in weighed]
     ahead = places[: places.index(_zero_of(prepared))] if _zero_of(prepared) in places else places
     return any(name in LIKE_ZEROS for name, _ in ahead)
 
 
 def _other_banks(base: Ground, motions: Sequence[Candidate]) -> tuple[Bank, Bank, Bank]:
-    """What is weighed beside the catalogue: free functions of the motion, and friction near rest."""
+    """Banks besides the catalogue: free functions of motion, friction ahead of the joint, smooth friction."""
     sought = motions, lead_candidates(base.prepared), soft_candidates(base.prepared)
     free, ahead, soft = (Bank(base, each) for each in sought)
     return free, ahead, soft

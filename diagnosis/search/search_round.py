@@ -25,7 +25,7 @@ from ..residual.unexplained import unclaimed
 from .absorbed_effects import swallowed
 from .shortlist import choose
 
-# What all runs together fit as nothing, by Wald's statistic, is nothing, whatever parts of them foretell.
+# An effect that all runs together fit as zero, by this Wald statistic, is none, whatever parts predict.
 AS_NOTHING = 1.0
 # A spring's column has a coefficient of one where its shape is right. With less than this it is another's,
 # which a little of its resonance happens to look like.
@@ -42,10 +42,10 @@ SEEN_ALONE = 0.0015
 
 @dataclass(frozen=True)
 class Search:
-    """What stays the same from round to round.
+    """Inputs of the search that stay the same from round to round.
 
-    first: re-identification alone. sized: the robot that sizes are relative to. limits: of ``cuts``. without:
-    effects taken out of the catalogue.
+    first: re-identification, without effects. sized: the robot that sizes are relative to. limits: of
+    ``cuts``. without: effects taken out of the catalogue.
     """
 
     first: Stage
@@ -81,12 +81,12 @@ class Search:
     def round(
         self, stage: Stage, weighed: Sequence[Weighed], free: Bank, before: Sequence[Accepted] = ()
     ) -> Found | None:
-        """What explains most: a material effect or a limit; else a push; else a trace of what is swallowed.
+        """The likeliest effect: a material one or a limit, else a push, else a trace of an absorbed effect.
 
         weighed: of ``open``. free: candidates of generic.py. before: what was taken in.
         """
         most = weighed[0].score if weighed else 0.0
-        # It takes longer than all else: sought where something comes of it, and once.
+        # It takes longer than all else: searched for where it may matter, and once.
         push = cache(partial(self.push, stage, free))
         material = [w for w in weighed if is_material(self.sized, stage, w, w.score >= AS_MUCH * most)]
         clipped = None if SATURATION in self.without else saturation(stage, free, self.limits)
@@ -166,7 +166,7 @@ class Search:
         return is_beyond_healthy(self.sized, torque_rms, gain.candidate, gain.coefficients)
 
     def _trace(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
-        """What re-identification swallows, beyond what healthy robots have of it."""
+        """The likeliest effect that parameters absorb and that is larger than on healthy robots, or None."""
         after, traces = swallowed(stage, weighed)
         traces = [
             w
@@ -186,7 +186,7 @@ class Search:
 
 
 def _is_told_elsewhere(stage: Stage, gain: Gain, limit: Weighed) -> bool:
-    """Whether what loads a limit's joint as well is nearly all that is left at another one.
+    """Whether an effect on a limit's joint also explains nearly all of another joint's residual.
 
     Fitted without it, a limit takes up what it does at its joint, and leaves it contradicted there.
     """

@@ -32,7 +32,7 @@ ITS_OWN = 0.6, 1.6
 # Another law of a play, a spring or bristles is tried where one explains this share of the most: it may do as
 # much.
 WORTH_A_LAW = 0.8
-# How much less often a joint alone is late than its drive lags: of 54 that either explained, 51 were lags.
+# Prior odds that only one joint's torque is delayed, against a lag of its drive, which is far commoner.
 LATE_ODDS = 1 / 8
 # Log-posterior of all runs together that outweighs any that runs left out lose.
 EVIDENCE_AGAINST_RUNS = 30.0
