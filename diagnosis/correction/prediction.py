@@ -36,7 +36,7 @@ DOCUMENT = "diagnosis.json"
 # where Coulomb friction jumps there, or teeth land.
 FAST = (*TRANSMISSIONS, LAG)
 # rad/s (m/s), w of fc tanh(v / w) where friction jumps with the speed's sign: of a joint at rest that sign is
-# the encoder's noise, and none of its friction is foretold.
+# the encoder's noise, and none of its friction is predicted.
 AT_REST = 0.005
 
 
@@ -211,7 +211,7 @@ def logged_motion(model: Corrected, recording: Recording) -> Logged:
 
 
 def _command(model: Corrected, recording: Recording, dq: Array) -> Array | None:
-    """What the log's controller asked for along this motion, (N, n) N·m; None where that is not known."""
+    """Torque command of the log's controller along this motion, (N, n) N·m; None where it is not known."""
     controller = recording.controller
     position, velocity = recording.reference_position, recording.reference_velocity
     if controller is None or controller.kp is None or controller.kd is None:

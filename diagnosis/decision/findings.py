@@ -1,4 +1,4 @@
-"""What a diagnosis says: verdict, effects, where the gap lies, how far it shrinks."""
+"""Results of a diagnosis: verdict, reported effects, ranked candidates, and the gap before and after."""
 
 from dataclasses import dataclass, field
 

@@ -10,19 +10,19 @@ from ..model.candidates import EVENT, SATURATION
 from ..model.hypothesis import Design
 from ..plausibility.materiality import SMALLEST_WALD
 
-# Four standard deviations of what shows in the parameters' shift, by this log-likelihood, which tells beside
-# them.
+# Four standard deviations of an effect that shows in the parameters' shift, by this log-likelihood, which is
+# evidence as well.
 SWALLOWED_WALD, SWALLOWED_SHIFT = 16.0, 1.5
-# A trace that left-out runs tell has a name from four and a half standard deviations, with this share of some
-# joint's rest: what misfit and noise leave rarely has.
+# A trace that left-out runs show is reported from four and a half standard deviations, with this share of
+# some joint's residual: misfit and noise rarely reach it.
 TRACE_WALD, SMALLEST_TRACE = 20.0, 0.025
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a round takes in, with its rivals and the hypothesis that has it.
+    """The effect that a search round accepts, its rivals, and the hypothesis with it and its fit.
 
-    is_trace: as of Accepted. is_last: beside it, any other trace is a rest of it.
+    is_trace: as of Accepted. is_last: any other trace found later is only a residual of this one.
     """
 
     best: Weighed
@@ -32,9 +32,9 @@ class Found:
     is_last: bool = False
 
     def is_certain(self, stage: Stage) -> bool:
-        """Whether its size is known well enough for a name.
+        """Whether its size is known well enough to report it.
 
-        Pushes and limits are judged where they are sought.
+        Pushes and limits are judged where they are searched for.
         """
         family = self.best.candidate.family
         if family.effect in (EVENT, SATURATION):
@@ -47,6 +47,6 @@ class Found:
             # What makes up for a misfit has another size without one run or another: by both variances' mean.
             by_folds = fitted.wald_by_folds(own)
             wald = 2 * wald * by_folds / (wald + by_folds)
-        # A trace is told by all that the parameters say.
+        # All parameters' estimates speak for or against a trace.
         shifts = self.is_trace or gained_by_shift(stage, self.best.gain) > SWALLOWED_SHIFT
         return bool(wald > (SWALLOWED_WALD if family.swallowed and shifts else SMALLEST_WALD))

@@ -1,4 +1,4 @@
-"""Effects under which whole runs are foretold far worse than without them: these logs do not tell them."""
+"""Removal of effects with which left-out runs are predicted far worse than without: not identifiable here."""
 
 from dataclasses import replace
 
@@ -9,8 +9,8 @@ from ..model.hypothesis import Design
 from ..plausibility.accepted import Accepted, without_one
 from .attribution import Attribution
 
-# A joint's left-out gap with the effects is so many times what it is without any; with right names of 3,200
-# cases, and of loops whose last run alone tells, it was three times that at most.
+# A joint's left-out gap with the effects is so many times what it is without any, far more than right effects
+# ever make it, even those that only one run shows.
 FAR_WORSE = 10.0
 
 
@@ -19,7 +19,7 @@ def without_misleading(
 ) -> tuple[Attribution, tuple[Design, Fit]]:
     """The attribution without such effects, and its fit with whole runs left out.
 
-    parameters_only: re-identification with whole runs left out. A push is of its own run and foretells none.
+    parameters_only: re-identification with whole runs left out. A push is of its own run and predicts none.
     """
     left = squares(parameters_only[1].held_out)
     final = found.hypothesis, on_whole_runs(found.hypothesis, found.fitted)
@@ -37,8 +37,8 @@ def without_undetermined(found: Attribution) -> Attribution:
     """The attribution without effects that these runs determine too badly to predict another motion.
 
     Those that are not reported, at joints that move too little for it: a few seconds of one motion suit any
-    law. At joints that only ever move by themselves all of those, and what re-identification swallows: what
-    other joints' motion loads them with was never seen.
+    law. At joints that only ever move by themselves all of those, and those that re-identified parameters
+    absorb: what other joints' motion loads them with was never seen.
     """
     by_itself = found.prepared.by_itself
     enough = found.hypothesis.has_enough_samples & ~by_itself

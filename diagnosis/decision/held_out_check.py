@@ -1,4 +1,4 @@
-"""What names leave unmet: what an effect seems to explain, it also closes on whole runs left out."""
+"""Held-out check of reported effects: each must also close the gap on whole runs that the fit left out."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,17 +18,18 @@ Array = NDArray[np.float64]
 # An effect that takes less than this share of its joint's gap off runs left out, where that gap and what all
 # runs together fit are so many times the noise, is not the robot's. Nor are effects that take less than half
 # of that off the gap of all joints, where it is farther from noise, and all runs together leave so many times
-# the noise: what two unlike runs foretell of each other may be far off, whatever acts.
+# the noise: what two unlike runs predict of each other may be far off, whatever acts.
 EXPLAINED, FAR_FROM_NOISE = 0.2, 3.0
 EXPLAINED_OF_ALL, FARTHER_FROM_NOISE, FIT_TO_NOISE = 0.1, 4.0, 1.5
 # Nor are those that leave so many times the noise of it, where they close less than this share of what was
-# beyond the noise, on runs left out and on all runs together: in 1320 cases those of seven robots of eight
-# were wrong. A push leaves much where it acted otherwise, a gearbox that stiffens otherwise too.
+# beyond the noise, on runs left out and on all runs together: effects reported so are mostly wrong. A push
+# leaves much where it acted otherwise, a gearbox that stiffens otherwise too.
 LEFT_FAR_FROM_NOISE, MOSTLY_CLOSED = 4.5, 0.79
 # So may teeth and drives' limits that make so much of a joint's squared residual: the former have more
 # harmonics than two, and the latter fall with speed.
 ALL_BUT_ALL = 0.9
-# Of a joint whose name does not hold, what is less than this share of its torque is nothing to explain.
+# Of a joint whose reported effect fails the check, a residual of less than this share of its torque is
+# nothing to explain.
 LEAST_UNMET = 0.01
 # A push alone takes this share of the gap, or of some joint's that is so many times the noise: real ones
 # three quarters, or all of a joint's.
@@ -41,11 +42,14 @@ CLOSED_TORQUE, CLOSED_SHARE = 0.08, 0.5
 def names_that_hold(
     accepted: Sequence[Accepted], gap: Gap, fitted: Array, torque: Array
 ) -> tuple[tuple[Accepted, ...], tuple[Unclaimed, ...]]:
-    """What was taken in, without the names that leave too much of their joints' gap, or of all; those joints.
+    """Effects still reported after the held-out check, and the joints where one that failed it is withdrawn.
+
+    One fails that leaves too much of its joint's gap, or of all joints'.
 
     gap: on whole runs left out. fitted, torque: (n,) N·m RMS, what all runs fitted together leave, and of the
-    joints. What only one run tells may leave the gap of that run as it was, but not what all of them fit.
-    What re-identification swallows never seemed to explain it. A push of such a joint is a rest of it.
+    joints. An effect seen in only one run may leave the gap of that run as it was, but not what all runs fit.
+    An effect that parameters absorb never seemed to explain it. A push of such a joint is part of its
+    residual.
     """
     closed, reducible = gap.parameters - gap.effects, gap.parameters - gap.noise_floor
     is_far = np.minimum(gap.parameters, fitted) > FAR_FROM_NOISE * gap.noise_floor
@@ -94,10 +98,10 @@ def _stays_far(gap: Gap, fitted: Array, torque: Array) -> NDArray[np.bool_]:
 def pushes_that_hold(
     accepted: Sequence[Accepted], gap: Gap
 ) -> tuple[tuple[Accepted, ...], tuple[Unclaimed, ...]]:
-    """What was taken in, without the names of pushes where no other has one and half of the gap is left.
+    """Effects with pushes no longer reported if nothing else is and they leave much of the gap; the joints.
 
-    And some of every joint's; and their joints, as what acts in bursts there is not the surroundings. gap: on
-    whole runs left out.
+    Nor do they close enough of any one joint's. The joints are those of the pushes withdrawn, since what acts
+    in bursts there is not the surroundings. gap: on whole runs left out.
     """
     named = [item for item in accepted if item.named]
     is_far = gap.parameters > BEYOND_NOISE * gap.noise_floor
@@ -113,9 +117,9 @@ def pushes_that_hold(
 
 
 def closed_without_a_name(accepted: Sequence[Accepted], gap: Gap, torque: Array) -> tuple[Unclaimed, ...]:
-    """The joints whose gap effects without a name close, where none has one: what acts there is not told.
+    """The joints whose gap is closed by effects that are not reported, where none is: the cause stays open.
 
-    What other joints have alike is told as that. gap, torque: as of ``names_that_hold``.
+    Effects that other joints have alike are reported as that. gap, torque: as of ``names_that_hold``.
     """
     if any(item.named for item in accepted):
         return ()

@@ -21,10 +21,10 @@ DOUBTFUL = (0.8, 0.55)
 
 
 def certainties(effects: Sequence[NamedEffect], gap: Gap, runs: int) -> tuple[float, ...]:
-    """The probability, 0 to 1, of each effect that has a name, the likeliest first.
+    """The probability, 0 to 1, of each reported effect, the likeliest first.
 
-    effects: with their probabilities against their rivals alone. gap: with all of them, by joint. runs: how
-    many tell.
+    effects: with their probabilities against their rivals only. gap: with all of them, by joint. runs: how
+    many there are.
     """
     levels = [DOUBTFUL if runs == 1 or _is_doubtful(each, gap) else NAMED for each in effects]
     return tuple(

@@ -1,4 +1,4 @@
-"""Whether what was taken in has a name: larger than on any healthy robot, and told from all else.
+"""Rules for reporting an accepted effect: it is larger than on healthy robots and has no equal rival.
 
 It is judged when it is taken in, and again where what was found later makes it seen more clearly.
 """
@@ -45,16 +45,16 @@ AS_WELL = 0.25
 NEARLY_ALL = 0.8
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
 DWARFED = 0.05
-# Squared deviations from zero that are left at last, as what is taken in later may explain the same; a gain
-# error told from three when it is taken in, as wrists' are, must be four from none.
+# Squared deviations from zero that are left at last, as effects accepted later may explain the same; a gain
+# error accepted at three deviations, as wrists' are, must be four from zero.
 AT_LAST, GAIN_AT_LAST = 9.0, 16.0
 # Joints that move alike share what bristles leave: a drive that two share moves one of them by this share of
 # its torque; or takes off this share of what is left there, and is so many times a healthy robot's. Or it
 # takes off this, and is more than a healthy one's by either of its joints.
 LEAST_COUPLED, ALL_COUPLED, FAR_COUPLED = 0.025, 0.9, 3.0
 NEARLY_ALL_COUPLED = 0.95
-# Any joint warms, by this share of its friction in these runs; and whatever foretells less than this share of
-# what its joint leaves is no cable.
+# Any joint warms, by this share of its friction in these runs; and an effect that predicts less than this
+# share of its joint's residual is no cable.
 WARMED, FORETOLD_BY_CABLE = 0.02, 0.1
 
 
@@ -66,9 +66,9 @@ def accepted_as(
     before: Sequence[Accepted],
     rest: Sequence[Weighed],
 ) -> Accepted:
-    """What a round has found, and whether it has a name.
+    """The effect that a round has found, as an accepted one, and whether it is reported.
 
-    apart: the stage before any effect of the joints. rest: what is left to explain beside it.
+    apart: the stage before any effect of the joints. rest: candidates for what it leaves unexplained.
     """
     best, torque_rms = found.best, stage.ground.torque_rms
     own = best.candidate, found.trial[1].values[-best.candidate.count :]
@@ -147,9 +147,10 @@ def is_how_runs_begin(prepared: Prepared, each: Candidate) -> bool:
 
 
 def is_borne_out(name: str, share: float, shift: float) -> bool:
-    """Whether an offset has bent the parameters, or a cable foretells something; what is neither need not.
+    """Whether an offset or a cable is supported: by the parameters' shift, or by held-out runs; others are.
 
-    share: foretold of the rest. shift: log-likelihood that the parameters' shift spares with it.
+    share: of the held-out residual that it predicts. shift: log-likelihood that the parameters' shift spares
+    with it.
     """
     if name == OFFSET:
         return shift >= 0
@@ -175,9 +176,9 @@ def warms(stage: Stage, each: Candidate, coefficients: Array) -> bool:
 def judged_again(
     base: Ground, sized: Robot, accepted: Sequence[Accepted], rest: Sequence[Weighed]
 ) -> list[Accepted]:
-    """What was taken in before a push, judged beside it: a push hides how much anything else explains.
+    """The accepted effects with those before a push judged again with it fitted, since it hides the others.
 
-    The push is the last one; limits are judged where they are sought. rest: as of ``accepted_as``.
+    The push is the last one; limits are judged where they are searched for. rest: as of ``accepted_as``.
     """
     found, apart = list(accepted), _of_robots(base, accepted)
     for place, item in enumerate(accepted[:-1]):
@@ -189,7 +190,7 @@ def judged_again(
 def told_apart_at_last(
     last: Stage, sized: Robot, accepted: Sequence[Accepted], rest: Sequence[Weighed]
 ) -> list[Accepted]:
-    """What was no larger than effects that were taken in after it, or not alone before, judged beside those.
+    """The accepted effects with those not yet reported judged again, now with all later effects fitted.
 
     rest: as of ``accepted_as``.
     """
@@ -236,10 +237,11 @@ def _judged_beside(
 def as_fitted_at_last(
     sized: Robot, hypothesis: Design, fitted: Fit, accepted: Sequence[Accepted]
 ) -> list[Accepted]:
-    """What was taken in with the shapes that all runs together give it.
+    """The accepted effects with their final shapes and sizes, as fitted to all runs together.
 
-    What no gear has loses its name, what is no larger then than on a healthy robot, what is not told from
-    none, and what was alone where another joint has something without a name that is as large for it.
+    An effect is no longer reported where it is larger than any gear has it, no larger than on a healthy
+    robot, or not distinguished from zero; nor one reported because it was the only one, where another joint
+    has an unreported effect as large for it.
     """
     found, torque_rms = [], ground(hypothesis.prepared).torque_rms
     times = [
@@ -254,7 +256,7 @@ def as_fitted_at_last(
         named = named and (not item.by_size or size > 1)
         named = named and not (item.is_alone and size <= 1 and _is_another(accepted, times, item, size))
         least = GAIN_AT_LAST if candidate.family.effect == GAIN else AT_LAST
-        # A limit that the drive reports leaves no gap, and a push is told by when it was.
+        # A limit that the drive reports leaves no gap, and a push is recognised by its time.
         elsewhere = candidate.is_event or candidate.family.effect == SATURATION
         named = named and (elsewhere or fitted.wald(part) > least)
         found.append(replace(item, candidate=candidate, named=named))
@@ -274,7 +276,7 @@ def _is_another(accepted: Sequence[Accepted], times: Sequence[float], own: Accep
 
 
 def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> bool:
-    """Whether what no effect explains is at its joint, which a name would only imitate, or far larger."""
+    """Whether an unexplained residual is at the effect's joint, or far larger than the effect explains."""
     misfit = [each.joint for each in unknown]
     left = last.held_squares / np.maximum(last.counts, 1) / last.ground.torque_rms**2
     largest = float(np.max(left[misfit], initial=0.0))

@@ -50,7 +50,7 @@ BY_RUNS = "Where the model sets no limit, it keeps to what these runs reached."
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """What to record next. why: in words. file: the motion's, None if none helps.
+    """Proposal of the next experiment. why: in words. file: the motion's, None if none helps.
 
     separates: the effects that it tells apart, or "none" and those that it shows. separation: sqrt of the
     smallest T of those that it shows, noise units, along the proposed motion. separation_now: likewise along
@@ -107,7 +107,7 @@ def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | Non
 
 
 def _names(open_: Open, chosen: NDArray[np.bool_]) -> tuple[str, ...]:
-    """Names of the chosen rivals, "none" first where they are to be told from no effect."""
+    """Names of the chosen rivals, "none" first where they are to be distinguished from no effect."""
     names = [rival.effect for rival, takes in zip(open_.rivals, chosen, strict=True) if takes]
     return tuple(dict.fromkeys(names if open_.confused else ["none", *names]))
 
@@ -119,7 +119,7 @@ def _least(separations: Array, chosen: NDArray[np.bool_]) -> float:
 
 
 def _merit(separations: Array) -> float:
-    """What a motion is chosen by, 0 to 1."""
+    """Merit of a motion, 0 to 1: mean of T / (T + ENOUGH²) over the finite separations T."""
     known = separations[np.isfinite(separations)]
     if not len(known):
         return 0.0

@@ -8,7 +8,7 @@ from testbench.effects import effects
 
 @dataclass(frozen=True)
 class Advice:
-    """What to record where at least ``least`` of these effects are among those to tell apart."""
+    """Advice on what to record where at least ``least`` of these effects are among those to distinguish."""
 
     among: frozenset[str]
     least: int
@@ -89,7 +89,7 @@ def why(open_: Sequence[str], chosen: Sequence[str], separation: float | None, r
 
 
 def _advice(names: Sequence[str]) -> str:
-    """What to record for these effects, after a colon."""
+    """Advice on what to record to distinguish these effects, after a colon; empty without any."""
     words = next((a.words for a in ADVICE if len(a.among & set(names)) >= a.least), "")
     return f": {words}" if words else ""
 

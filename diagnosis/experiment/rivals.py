@@ -1,4 +1,4 @@
-"""What stays open after a diagnosis: effects that its runs cannot tell apart, or would not show."""
+"""Open questions of a diagnosis: effects that its runs cannot distinguish, or would not show."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from testbench.effects.base import Scope
 
 from ..decision.findings import Diagnosis
 
-# A set that cannot be told apart is separated pair by pair; what would not show need only show, each alone.
+# A set that is confused is separated pair by pair; effects that would not show need only show, one by one.
 MOST_CONFUSED, MOST_HIDDEN = 4, 40
 
 
@@ -22,9 +22,9 @@ class Rival:
 
 @dataclass(frozen=True)
 class Open:
-    """What stays open. rivals: at least one. confused: whether they are to be told from one another.
+    """Effects that stay open. rivals: at least one. confused: whether to distinguish them from one another.
 
-    Where they are not, each is to be told from no effect at all.
+    Where not, each is to be distinguished from no effect at all.
     """
 
     rivals: tuple[Rival, ...]

@@ -64,15 +64,15 @@ class Accepted:
 
 
 def without_rests(accepted: Sequence[Accepted]) -> list[Accepted]:
-    """What was taken in, without laws of position that mend another one of their joint.
+    """The accepted effects without reported laws of position that only correct another one of their joint.
 
-    No counterbalance is quite a sine: where one law all but explains what is left, the others are its rest.
+    No counterbalance is quite a sine: where one law explains nearly all, the others fit its residual.
     """
     return [item for item in accepted if not (item.named and is_rest(item, accepted))]
 
 
 def is_rest(item: Accepted, accepted: Sequence[Accepted]) -> bool:
-    """Whether it is a law of position at a joint that another one, which has a name, all but explains."""
+    """Whether it is a law of position at a joint that another reported one all but explains."""
     others = (a for a in accepted if a.named and _is_other_law(a, item))
     return _is_of_position(item) and any(a.share > max(item.share, _all_but_all(a)) for a in others)
 

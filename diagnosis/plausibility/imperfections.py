@@ -1,4 +1,4 @@
-"""Whether what was taken in is one joint's, or how all joints of this robot are imperfect."""
+"""Distinction of a fault of one joint from imperfections that several joints of the robot share."""
 
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 # friction that differs by direction or with the load, is how this robot's joints are, not what one of them
 # has. So is a cable, of which every joint has one. And a spring, or friction by load, that presses on its
 # joint no more than the others' imperfections do may be made of those: a spring unless what the parameters
-# swallow of it spares them a shift of this log-likelihood.
+# absorb of it spares them a shift of this log-likelihood.
 UNEVEN = ("stribeck_friction", "nonlinear_viscous_friction", "transmission_ripple")
 FRICTION = (*UNEVEN, BRISTLES, "asymmetric_friction", "load_dependent_friction")
 SUCH_JOINTS = 2
@@ -33,7 +33,7 @@ ALIKE: Mapping[str, tuple[tuple[str, ...], float, float]] = {
 }
 # But what its joint carries little torque beside, or its parameters take up, is one joint's where it is
 # certainly so many times a healthy one's, and so many times as far beyond as these of the other joints:
-# each joint's friction bends a little. What grows with the load is told from others' by its own size; what
+# each joint's friction bends a little. What grows with the load differs from others' by its own size; what
 # falls with the speed, if no more of the others' torque is imperfect than this multiple of it, or it is far
 # more than that. Of a cable first moments leave little, but it pulls as it does.
 SLIDING = tuple(each for each in FRICTION if each != BRISTLES)
@@ -56,10 +56,10 @@ BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.8
 def of_one_joint(
     robot: Robot, accepted: Sequence[Accepted], open_: Sequence[Weighed], last: Stage
 ) -> list[Accepted]:
-    """What was taken in, without the names of what is hardly larger than several other joints' imperfections.
+    """The accepted effects; those hardly larger than several other joints' imperfections are not reported.
 
-    Largest first: what keeps its name is none of those. robot: that sizes are relative to. open_: what is not
-    taken in. last: with all that is.
+    Largest first: one that stays reported counts as a fault, not an imperfection. robot: that sizes are
+    relative to. open_: effects not accepted. last: the stage with all that are.
     """
     found, faults = list(accepted), set[int]()
     for place in sorted(range(len(found)), key=lambda k: -found[k].worth):
@@ -117,7 +117,7 @@ def _of_others(
     open_: Sequence[Weighed],
     last: Stage,
 ) -> float:
-    """What several other joints have of these effects, as a multiple of it, each by its own torque."""
+    """Size of these effects at several other joints, relative to the item's, each by its joint's torque."""
     joint = item.candidate.family.joint
     assert joint is not None
     levels = np.sort(np.delete(_levels(effects, rest, open_, last), joint))

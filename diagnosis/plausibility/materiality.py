@@ -1,8 +1,8 @@
-"""What is worth taking in: significance alone would flag every healthy robot.
+"""Material effects, worth accepting: statistical significance would be a false alarm on any healthy robot.
 
 An effect matters when it explains a fair part of some joint's error on runs left out and of its torque, or,
-where re-identification swallows it, when it spares the parameters a shift that CAD does not explain. It is
-named when it is also larger than what every healthy robot has.
+where re-identified parameters absorb it, when it spares them a shift that CAD does not explain. It is
+reported when it is also larger than what every healthy robot has.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 # Share of a joint's held-out squared residual, and of its RMS torque, that an effect must explain ...
 SMALLEST_SHARE = 0.10
 SMALLEST_TORQUE = 0.005
-# ... or the log-likelihood of the parameters' shift that it must spare, where it is swallowed by them and has
+# ... or the log-likelihood of the parameters' shift that it must spare, where it is absorbed by them and has
 # one coefficient or two.
 SMALLEST_SHIFT = 7.5
 # A gravity spring's is that of the first moments of all links beyond its joint: errors of several add up.
@@ -47,18 +47,18 @@ HIDDEN_OVERLAP = 0.9
 OF_SENSORS, OF_SENSORS_SHARE, OF_SENSORS_SIZE = "asymmetric_friction", 0.02, 4.0
 # What one joint's misfit can imitate is no effect of the whole robot.
 SMALLEST_ELSEWHERE = 7.5
-# Wald's statistic of what is named: five standard deviations.
+# Wald statistic of a reported effect: five standard deviations.
 SMALLEST_WALD = 25.0
-# Friction that its joint's own parameters swallow leaves little, however large it is, and a delay leaves a
-# little at every joint: the size tells, where so many standard deviations less of it are still beyond a
+# Friction that its joint's own parameters absorb leaves little, however large it is, and a delay leaves a
+# little at every joint: the size decides, where so many standard deviations less of it are still beyond a
 # healthy robot's.
 SWALLOWED_FRICTION = (OF_THE_LOAD, "asymmetric_friction")
 # Play and a soft gearbox show in reversals and vibrations alone, which are a small part of a run: no less
-# certain, and this share of the joint's rest, where there is more torque.
+# certain, and this share of the joint's residual, where there is more torque.
 TRANSMISSION_WALD, TRANSMISSION_SHARE = 100.0, 0.05
 # An elasticity takes away torque that noise of the encoders seems to add: this multiple of that is more.
 OF_ENCODERS = 2.0
-# Friction that bends is swallowed as well, but every joint's bends a little: so many times a healthy one's.
+# Friction that bends is absorbed as well, but every joint's bends a little: so many times a healthy one's.
 BENT_ENOUGH = 2.0
 # First moments take up most of an eccentric encoder.
 TOLD_BY_SIZE = (*SWALLOWED_FRICTION, *TRANSMISSIONS, BENDING, DELAY, ECCENTRICITY)
@@ -115,14 +115,14 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = Fa
         stage.removed(gain) > SMALLEST_TORQUE * stage.ground.torque_rms
     )
     # What acts on one joint's torque must show there, whatever it does to the others' parameters; what the
-    # joint's own parameters swallow shows where the joints below carry the same links.
+    # joint's own parameters absorb shows where the joints below carry the same links.
     if is_best and family.swallowed and gain.overlap > HIDDEN_OVERLAP:
         return bool(np.any(enough))
     return bool(np.any(enough[list(gain.candidate.member.rows)]))
 
 
 def is_large(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
-    """Whether it is told by its size, and that is certainly larger than a healthy robot's."""
+    """Whether it is of a kind judged by size, and certainly larger than on a healthy robot."""
     family, gain = weighed.candidate.family, weighed.gain
     if gain.candidate.is_common_delay:
         # All torque acts late, whatever it is called.

@@ -1,7 +1,7 @@
-"""Whether what is taken in stands out enough for a name: against other joints, and its joint's first effect.
+"""Rules on when an effect stands out enough to report it: against other joints, and its joint's first effect.
 
-What a law that is not quite the robot's leaves is at the same joint, and a good part of it can be imitated:
-a second effect there must be more than a rest.
+A law that is not quite the robot's leaves a residual at the same joint, and other effects fit a good part of
+it: a second effect there must explain more than that.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,17 +29,17 @@ from .materiality import (
 # because its law is not quite the robot's is less.
 NAMED_SHARE = 0.05
 # And the share of what is left there when it is taken in, or the log-likelihood as a multiple of what any
-# other joint's effect gains: imperfections that are no smaller would not let it be told from them.
+# other joint's effect gains: imperfections that are no smaller would not let it be distinguished from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
 # But none of them looks like these; bristles are held against those of the other joints.
 UNLIKE = ("thermal_friction_drift", ECCENTRICITY, BRISTLES)
 # Wald's statistic of an imperfection: what has less predicts well by chance.
 SEEN = 9.0
 # Every arm has cables: one that is no more than this share of what is left is certainly so many times a
-# healthy one, or has no name; nor has one of less than this share of the joint's RMS torque, unless what the
-# parameters swallow of it spares them a shift of this log-likelihood.
+# healthy one, or not reported; nor is one of less than this share of the joint's RMS torque, unless what the
+# parameters absorb of it spares them a shift of this log-likelihood.
 CABLE_LEFT, CABLE_BEYOND, CABLE_TORQUE, CABLE_SHIFT = 0.6, 1.2, 0.015, 5.0
-# A spring that the parameters swallow must bring them nearer to the model's, but for this log-likelihood:
+# A spring that the parameters absorb must bring them nearer to the model's, but for this log-likelihood:
 # else the two only make up for each other.
 FARTHER = -2.0
 # At a joint that has an effect already: this share of the squared residual after re-identification ...
@@ -56,7 +56,7 @@ SECOND_TOLD: Mapping[str, tuple[float, float, float]] = {
 # ... or this share of the torque, where it is certainly so many times beyond a healthy one: a law's rest
 # looks like springs and bristles of any size, but not like these ...
 SECOND_LITTLE, SECOND_BEYOND = 0.005, 1.5
-# ... or, of friction that its joint's parameters swallow, this share of what is left, and certainly so many
+# ... or, of friction that its joint's parameters absorb, this share of what is left, and certainly so many
 # times a healthy joint's ...
 SECOND_SWALLOWED, SECOND_FAR_BEYOND = 0.3, 3.0
 # ... or a shift of the parameters of this log-likelihood that it spares, as no law's rest does, where it is

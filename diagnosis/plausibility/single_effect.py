@@ -1,4 +1,4 @@
-"""What has a name where nothing else is seen: robots that are a little imperfect are so at every joint."""
+"""Reporting of an effect that is the only one seen: small imperfections would show at every joint."""
 
 from collections.abc import Mapping, Sequence
 
@@ -48,10 +48,10 @@ def is_alone(
     before: Sequence[Accepted],
     rest: Sequence[Weighed],
 ) -> bool:
-    """Whether what a stage has found is too much for a robot that has nothing else but what has a name.
+    """Whether an effect that no other unreported one comes near is too large to be an imperfection.
 
-    robot: that sizes are relative to. coefficients: (k,) as fitted in full. before: what was taken in; at its
-    joint nothing may be. rest: what is left to explain.
+    robot: that sizes are relative to. coefficients: (k,) as fitted in full. before: accepted effects;
+    none may be at its joint. rest: candidates for what is left to explain.
     """
     if best.candidate.is_common_delay:
         return are_joints_own(before) and is_late_alone(stage, rest)
@@ -73,7 +73,7 @@ def is_enough_alone(robot: Robot, stage: Stage, best: Weighed, coefficients: Arr
 
 
 def are_joints_own(before: Sequence[Accepted]) -> bool:
-    """Whether all that was taken in has a name and a joint; of the whole robot a rest may be anywhere."""
+    """Whether all accepted effects are reported and of one joint; others may leave a residual anywhere."""
     return all(
         each.named and each.candidate.family.joint is not None and not each.candidate.is_event
         for each in before

@@ -35,7 +35,7 @@ BURST_TORQUE = 0.01
 BURST_HEIGHT_NOISE, BEYOND_NOISE = 8.0, 3.0
 # Share of the joint's squared residual from which a function of the motion is the cause.
 FORETOLD = 0.25
-# And share that one fits of it, though it does not foretell it: runs may reach different places. Up to the
+# And share that one fits of it, though it does not predict it: runs may reach different places. Up to the
 # second, a push that leaves so much less is likelier: anything fits a part of a burst.
 FITTED, MOSTLY_FITTED, LESS_LEFT = 0.5, 0.8, 0.25
 # s: what is shorter, the filter does not resolve: a shock of the reference, a sample that went astray.
@@ -47,7 +47,7 @@ LARGEST_LOAD = 3.0
 SMALLEST_GAIN = 7.5
 # What by the weights of the hypothesis before gains less than this share of the most is not fitted in full.
 WORTH_A_FIT = 0.5
-# No push has a profile of ours to better than a tenth of its torque: what is left of it tells no link.
+# No push has a profile of ours to better than a tenth of its torque: its residual identifies no link.
 PROFILE = 0.1
 # Joints of whose bursts more than this share are at the same time bear the same push; by chance a tenth are.
 TOGETHER = 0.25
@@ -61,7 +61,7 @@ NO_ARM = 0.1
 class _Push:
     """A load on a link, and the hypothesis that has it, fitted in full.
 
-    of_link: log-likelihood, but for what no profile of ours explains, which tells no link from another.
+    of_link: log-likelihood, but for what no profile of ours explains, which distinguishes no links.
     """
 
     weighed: Weighed
@@ -70,7 +70,7 @@ class _Push:
 
     @property
     def score(self) -> float:
-        """What it adds to the log-likelihood, less the price of its coefficients."""
+        """Log-likelihood that the push adds, less the price of its coefficients."""
         return self.weighed.score
 
 
@@ -155,9 +155,9 @@ def _beyond(chain: Chain, link: int, further: int) -> int:
 
 
 def is_in_bursts_at_several(stage: Stage) -> bool:
-    """Whether what is left is in bursts at two joints or more: hardly anything but a push explains that.
+    """Whether the residual is in bursts at two joints or more, which hardly anything but a push explains.
 
-    At one joint, anything that passes quickly does.
+    Bursts at one joint may come from anything that passes quickly.
     """
     bursts, _ = _in_bursts(stage)
     return len(bursts) > 1

@@ -77,7 +77,7 @@ def _cut_off(runs: Sequence[Logged], joint: int, step: float) -> float | None:
 
 
 def _asked(run: Logged, joint: int) -> Array:
-    """What was asked for in the torque's direction, (N,) N·m, at the least around each sample's time."""
+    """Smallest torque command around each sample's time, (N,) N·m, in the direction of the logged torque."""
     assert run.torque_command is not None
     command = np.sign(run.tau[:, joint]) * run.torque_command[:, joint]
     return minimum_filter1d(command, 2 * int(np.ceil(SKEW * run.sample_rate)) + 1)
@@ -114,7 +114,7 @@ def _bouts(time: Array) -> int:
 
 
 def _is_held_back(runs: Sequence[Logged], joint: int, top: _Top) -> bool:
-    """Whether what else changes never shows there, time and again."""
+    """Whether torque repeatedly stays at the level while the model's torque without acceleration varies."""
     bouts = sum(_bouts(run.time[inside]) for run, inside in zip(runs, top.inside, strict=True))
     if bouts < TIMES:
         return False

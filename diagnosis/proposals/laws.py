@@ -19,7 +19,7 @@ from ..model.effect_sizes import BRISTLES, CABLE, LAG, RIPPLE, is_plausible, qua
 from .ripple_peaks import second_waves
 
 # Log-posterior of all runs together, less its price, by which a cable surely hardens, or a wave is more than
-# one: first moments take up much of any, and bent parameters foretell left-out runs by chance.
+# one: first moments take up much of any, and bent parameters predict left-out runs by chance.
 SURELY = 10.0
 # First step of a refinement, as a share of the shape's range, and how many shapes are tried; where several go
 # together, more of what is taken in.
@@ -38,9 +38,9 @@ def late_alone(robot: Robot, stage: Stage, shortlist: Sequence[Weighed]) -> list
 
 
 def by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
-    """What was refined; of plays, springs and bristles, by the law that is likeliest at its best shape.
+    """The refined effect; of backlash, elasticity and bristles, by the law likeliest at its best shape.
 
-    Far from it, one of another law may seem the likelier.
+    Far from its best shape, an effect of another law may seem the likelier.
     """
     family, law = found.candidate.family, found.candidate.member.law
     if family.effect == CABLE:
@@ -91,7 +91,7 @@ def _hardly_hardening(robot: Robot, stage: Stage, line: Weighed) -> list[Weighed
 
 
 def _richer(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
-    """What was refined by a law that has its own in it, where all runs surely tell the richer; else that."""
+    """The effect by a richer law that includes its own where all runs clearly favour it, else as refined."""
     family = found.candidate.family
     assert family.richer is not None
     members = family.richer(found.candidate.member)
@@ -106,7 +106,7 @@ def _richer(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
 
 
 def _surely(stage: Stage, other: Weighed, plain: Weighed) -> Weighed:
-    """An effect by another law where all runs together surely tell it from the plain one; else that."""
+    """An effect by another law where all runs together clearly favour it over the plain one; else that."""
     return other if _told(stage, other, plain) > SURELY else plain
 
 

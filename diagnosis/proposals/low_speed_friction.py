@@ -34,7 +34,7 @@ from .standing_drive import apart_from_standing, standing_drives
 
 Array = NDArray[np.float64]
 
-# rad/s (m/s): widths w that are tried, how far apart they are, and how well one is told from there.
+# rad/s (m/s): widths w that are tried, how far apart they are, and how precisely one is found from there.
 WIDTHS = (0.015, 0.025, 0.04, 0.065, 0.1, 0.16)
 APART, TOLERANCE = 1.6, 0.02
 # The form is a guess: up to so many widths, samples say nothing; where too few would be left, up to fewer.
@@ -70,7 +70,7 @@ class NearRest:
 
 
 def lead_candidates(prepared: Prepared) -> list[Candidate]:
-    """What turning ahead of the joint adds to a unit of each Coulomb friction; none where it is known."""
+    """Candidates for Coulomb friction that reverses ahead of each joint; none where the lead is known."""
     if prepared.coulomb_lead > 0:
         return []
     joints = range(prepared.joints)
@@ -78,7 +78,7 @@ def lead_candidates(prepared: Prepared) -> list[Candidate]:
 
 
 def soft_candidates(prepared: Prepared) -> list[Candidate]:
-    """What smoothing takes off a unit of each Coulomb friction, at every width that leaves enough samples."""
+    """Candidates for Coulomb friction smoothed near rest, at each joint and width that has enough samples."""
     return [
         _missing(prepared, joint, width)
         for joint, known in enumerate(prepared.coulomb_smoothing)
@@ -95,9 +95,9 @@ def near_rest(
     soft: Bank,
     catalogue: Sequence[Candidate],
 ) -> NearRest | None:
-    """What friction does near rest beyond what is known; None for nothing.
+    """Friction near rest that the runs show beyond the known: lead, widths, held joints; None without any.
 
-    robot: that sizes are relative to. weighed: what each effect of the catalogue explains beside the stage's.
+    robot: that sizes are relative to. weighed: gain of each catalogue effect over the stage's.
     ahead, soft: of ``lead_candidates`` and ``soft_candidates``.
     """
     least = np.full(stage.prepared.joints, SMALLEST_GAIN)
@@ -112,7 +112,7 @@ def near_rest(
     ]
     lead = _leading(stage, least, MORE * max(of_all, default=0.0), ahead)
     if lead > 0:
-        # How wide it turns is told once it is known when.
+        # The width of the reversal is found once its time is known.
         return NearRest({}, lead, standing=stage.prepared.standing)
     known = {int(j): float(w) for j, w in enumerate(stage.prepared.coulomb_smoothing) if w > 0}
     widths, held = _soft(stage, least, soft), held_by_bristles(robot, stage, catalogue)
@@ -244,12 +244,12 @@ def _likeliest(negative: Callable[[float], float], tried: float, apart: float) -
 
 
 def _missing(prepared: Prepared, joint: int, width: float) -> Candidate:
-    """What smoothing takes off a unit of a joint's Coulomb friction."""
+    """Candidate: change of a joint's unit Coulomb friction when it is smoothed over a width of speed."""
     return _changed(prepared, joint, {"width": width}, lambda run: np.tanh(run.turning[:, joint] / width))
 
 
 def _ahead(prepared: Prepared, joint: int, lead: float, width: float) -> Candidate:
-    """What turning so many seconds ahead of the joint adds to a unit of its Coulomb friction."""
+    """Candidate: change of a joint's unit Coulomb friction when it reverses ``lead`` seconds ahead."""
 
     def turned(run: Logged) -> Array:
         turning = run.dq[:, joint] + lead * run.ddq[:, joint]

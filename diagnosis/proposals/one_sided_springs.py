@@ -15,8 +15,8 @@ from ..residual.unexplained import Unclaimed, share_left
 
 # Per cent of a joint's positions beyond which such a spring may begin to pull.
 BEGINNINGS = np.arange(5.0, 96.0, 10.0)
-# Log-likelihood that it must gain beyond the catalogue's law: of 90 cables and gravity springs none was
-# beaten by 17, of 12 slack hoses ten by 58 and more.
+# Log-likelihood that it must gain beyond the catalogue's law: more than it gains by chance on cables and
+# gravity springs, and far less than on slack hoses.
 LIKELIER = 20.0
 ONE_SIDED = "a spring that pulls one way"
 

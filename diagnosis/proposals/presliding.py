@@ -1,4 +1,4 @@
-"""Joints that bristles hold: there, what a joint has passed foretells its friction at rest, too.
+"""Joints that bristles hold: there, what a joint has passed predicts its friction at rest, too.
 
 Near rest no sample counts, since Coulomb friction there is whatever holds the joint. Bristles have no such
 freedom: what they bear follows from what the joint has moved since they last slid. An arm that stands
@@ -34,7 +34,7 @@ FEWEST_RESTS, SMALLEST = 6, 0.01
 LEVEL = 0.5, 1.5
 # And so many times as soft as a healthy joint's, which near rest are seen as well.
 SOFTER = 1.5
-# How far apart the displacements are that are tried first, and how well the likeliest is told from there.
+# How far apart the displacements are that are tried first, and how precisely the best is found from there.
 APART, TOLERANCE = 2.5, 0.05
 # Where this share of the other joints, three at least, gives way near rest at least this share as far, it is
 # how this robot's joints are.
@@ -94,7 +94,7 @@ class _Bristles:
 def _bristles(
     robot: Robot, stage: Stage, joint: int, bristles: Sequence[Candidate], residual: Sequence[Array]
 ) -> _Bristles:
-    """The bristles that foretell what friction of the joint is at rest; none where none do.
+    """The bristles that predict the joint's friction at rest; none where none do.
 
     residual: a run, (M,) N·m that the hypothesis leaves of the joint's torque, near rest too.
     """
@@ -107,7 +107,7 @@ def _bristles(
     left = np.concatenate([each[rows] for each, rows in zip(residual, near, strict=True)])
 
     def beside(friction: Candidate) -> tuple[float, float]:
-        """What remains of the squares beside so much of a unit of level, and the level."""
+        """Squared residual near rest with this friction fitted, and its fitted level, N·m, within bounds."""
         each = zip(friction.filtered, near, strict=True)
         column = np.concatenate([filtered[rows, 0, 0] for filtered, rows in each])
         size = max(float(column @ column), np.finfo(float).tiny)
@@ -148,7 +148,7 @@ def _bristles(
 
 
 def _keeping(prepared: Prepared, joint: int, bristle: Member) -> Candidate:
-    """What a unit of Coulomb friction lacks that keeps its direction until bristles slide the other way."""
+    """Candidate: change of unit Coulomb friction that keeps its sign until bristles slide the other way."""
     columns = []
     for run, of_bristle in zip(prepared.runs, bristle.columns, strict=True):
         sign = np.sign(run.logged.dq[:, joint])

@@ -55,7 +55,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Cut:
-    """What a limit (N·m) of a joint cuts off.
+    """A torque limit (N·m) of a joint as a candidate effect, with the samples that it clips.
 
     beyond: a run's samples (M,) that the filter fills from beyond the limit.
     """
@@ -68,7 +68,7 @@ class Cut:
 
 @dataclass(frozen=True)
 class _Trial:
-    """What a limit adds to the likelihood, its share of the joint's residual, and if it looks like one."""
+    """Gain in likelihood of a limit, its share of the joint's residual, and whether it clips as one."""
 
     cut: Cut
     score: float
@@ -79,7 +79,7 @@ class _Trial:
 
 
 def cuts(prepared: Prepared) -> list[list[Cut]]:
-    """What limits of each joint would cut off, those that clip least first; they depend on the logs alone."""
+    """Candidate torque limits of each joint, those that clip least first; they depend on the logs only."""
     logged = [run.logged for run in prepared.runs]
 
     def of_joint(joint: int) -> list[Cut]:
@@ -153,7 +153,7 @@ def _cut(prepared: Prepared, family: Family, limit: float) -> Cut:
 
 
 def asked_torque(prepared: Prepared, joint: int) -> list[Array]:
-    """What the drive was asked for, a run (N,) N·m: the command where it was logged, else the report."""
+    """Torque asked of the drive, a run (N,) N·m: the command where logged, else the reported torque."""
     logged = [run.logged for run in prepared.runs]
     return [(run.tau if run.torque_command is None else run.torque_command)[:, joint] for run in logged]
 

@@ -42,7 +42,7 @@ def linearised_until_settled(robot: Robot, hypothesis: Design, fitted: Fit) -> t
 
 
 def refined_again(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
-    """The hypothesis with the shapes of its plays and soft gearboxes sought anew; and its fit."""
+    """The hypothesis with the shapes of its backlash and soft gearboxes searched for anew; and its fit."""
     prepared, base = hypothesis.prepared, ground(hypothesis.prepared)
     for place, each in enumerate(hypothesis.accepted):
         if each.family.effect not in TRANSMISSIONS:

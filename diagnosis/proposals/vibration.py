@@ -35,16 +35,16 @@ FROM_NONE, FROM_LINE, LIKE_LINE = 2.0, 4.0, 0.2
 LATER, LATER_SHARE = 6.0, 0.3
 # A vibration is so much of what is left, and not so much of the motion's torque, as a share of that.
 MOST, OF_MOTION = 0.5, 0.3
-# What shakes less than this share of its joint's gap is no more than that beside what has a name there.
+# What shakes less than this share of its joint's gap is negligible next to the effect reported there.
 LEAST_TOLD = 0.02
 # Of a line's sines, singular values below this share of the largest are the same ones once more.
 WORTH_A_WAVE = 1e-3
 
 
 def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
-    """Joints whose drive is named late, but not beside one line of frequency.
+    """Joints with a reported lag of the drive that is really a vibration at one frequency.
 
-    first: re-identification alone. last: with all effects taken in.
+    first: re-identification, without effects. last: with all effects taken in.
     """
     left, found = share_left(first, last), []
     for place, item in enumerate(accepted):
@@ -67,7 +67,7 @@ def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
 
 
 def without_shaken(accepted: Sequence[Accepted], found: Sequence[Unclaimed]) -> list[Accepted]:
-    """What was taken in, without the lags that are vibrations: no simulator is right with them.
+    """The accepted effects without lags that are vibrations, since no simulator reproduces those.
 
     found: of ``vibrations``, among others.
     """
@@ -76,12 +76,12 @@ def without_shaken(accepted: Sequence[Accepted], found: Sequence[Unclaimed]) -> 
 
 
 def worth_telling(found: Sequence[Unclaimed]) -> list[Unclaimed]:
-    """What is unclaimed, without vibrations that are next to nothing of their joint's gap."""
+    """The unexplained residuals, without vibrations that are a negligible share of their joint's gap."""
     return [each for each in found if each.regime != VIBRATION or each.share > LEAST_TOLD]
 
 
 def with_its_line(last: Stage, item: Unclaimed) -> Unclaimed:
-    """What follows nothing, with the frequency that most of it shakes at, if the motion does not.
+    """An unexplained residual with the frequency that dominates it, if that does not dominate the motion.
 
     last: with all effects taken in.
     """
@@ -100,7 +100,7 @@ def with_its_line(last: Stage, item: Unclaimed) -> Unclaimed:
 
 
 def _left(stage: Stage, joint: int) -> tuple[list[Array], list[Run]]:
-    """What a stage leaves of a joint, (M, 1), bridged where samples do not count; and the runs that tell."""
+    """A joint's residual, a run (M, 1), interpolated over samples not used; and the runs that have any."""
     found, told = [], []
     for run, left in zip(stage.prepared.runs, stage.fitted.residual, strict=True):
         used, index = run.used[:, joint], np.arange(len(left))
@@ -151,7 +151,7 @@ def _is_in(frequencies: Array, line: float) -> NDArray[np.bool_]:
 
 
 def _is_one_law(gain: Gain) -> bool:
-    """Whether what is beside the line is there for certain, is what is in it, and is in phase with it."""
+    """Whether a lag off the line is significant, of the same size as on it, and in phase with it."""
     line, beside, later = gain.coefficients.tolist()
     covariance = np.linalg.pinv(gain.information, hermitian=True)
     is_there = beside > FROM_NONE * float(np.sqrt(covariance[1, 1]))
