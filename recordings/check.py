@@ -58,7 +58,7 @@ def _figures(name: str, recording: Recording) -> dict[str, Any]:
 
 
 def in_lines(robot: Robot, recordings: Mapping[str, Recording], found: Sequence[Finding]) -> Group:
-    """What was recorded in a line, ranges and torques in a line each, and the findings, the gravest first."""
+    """Lines of the report: the recordings, ranges of motion, torques, and the findings, most severe first."""
     seconds = sum(float(each.time[-1] - each.time[0]) for each in recordings.values())
     rates = sorted(each.sample_rate for each in recordings.values())
     at = " and ".join(dict.fromkeys(f"{rate:.4g} Hz" for rate in rates))

@@ -231,7 +231,7 @@ def _unwrap(
 
 
 def _drive(mapping: Mapping, values: Map[str, Array | None]) -> Drive | None:
-    """What the map says of the drives, or of motors and gears where currents were measured."""
+    """Drive data from the map, or its torque constants and gear ratios if currents were logged, or None."""
     count = len(mapping.joints)
     section = mapping.drive
     if section is None:

@@ -69,7 +69,7 @@ class ChannelSection(_Section):
 
 
 class DriveSection(_Section):
-    """What is known of the drives, as in a robot-log's group ``drive``."""
+    """Data of the drives, as in a robot-log's group ``drive``."""
 
     kind: str
     torque_per_unit: Numbers | None = None

@@ -94,5 +94,5 @@ def known_unit(text: str) -> str:
 
 
 def factor_of(quantity: str, unit: str, is_slide: bool) -> float | None:
-    """What one of a unit is in SI units of this quantity; None where it is no unit of it."""
+    """Factor from a unit to the SI unit of this quantity; None where it is no unit of the quantity."""
     return 1.0 if unit == SI else UNITS[quantity][is_slide].get(known_unit(unit) or unit)

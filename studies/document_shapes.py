@@ -80,7 +80,7 @@ class _Rejected(TypedDict):
 
 
 class Answer(TypedDict):
-    """What acts in a blind case."""
+    """True effects of a blind case, as in its answer file."""
 
     case: FolderName
     kind: str

@@ -1,4 +1,4 @@
-"""What an experienced engineer looks at first in a log: one check a file, found by import.
+"""Checks that an experienced engineer makes of a log first: one check a file, found by import.
 
 A check's file has ``STAGE`` and ``check``. Checks of a later stage need logs in which those of earlier stages
 found nothing that makes every answer meaningless: they are left out otherwise.
@@ -22,12 +22,12 @@ __all__ = ["Finding", "Severity", "checks", "require_sound", "run_checks"]
 
 
 class Check(Protocol):
-    """What a check's file offers. STAGE: 0 samples, 1 signals, 2 conventions, 3 what the runs can tell."""
+    """Interface of a check's file. STAGE: 0 samples, 1 signals, 2 conventions, 3 what is identifiable."""
 
     STAGE: int
 
     def check(self, subject: Subject) -> list[Finding]:
-        """What it finds, in the order of its weight."""
+        """Findings of the check, the most important first."""
         ...
 
 
@@ -41,7 +41,7 @@ def checks() -> Mapping[str, Check]:
 
 
 def run_checks(robot: Robot, recordings: Mapping[str, Recording]) -> tuple[Finding, ...]:
-    """What the checks find in these runs, by name; the gravest first."""
+    """Findings of all checks in these runs, the most severe first. recordings: by name."""
     subject, found = Subject(robot, recordings), list[Finding]()
     stage = 0
     for each in checks().values():
@@ -56,7 +56,7 @@ def run_checks(robot: Robot, recordings: Mapping[str, Recording]) -> tuple[Findi
 def require_sound(
     robot: Robot, recordings: Mapping[str, Recording], paths: Sequence[Path]
 ) -> tuple[Finding, ...]:
-    """What the checks find. Raises InputError, naming the file, for what makes every answer meaningless.
+    """Findings of all checks. Raises InputError, naming the file, where one makes every answer meaningless.
 
     paths: the files of the recordings, in their order.
     """

@@ -16,7 +16,7 @@ Order = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Convention:
-    """What a log's columns are to the model's n joints; the default of each field is "as in the model".
+    """Mapping of a log's columns to the model's n joints: order, signs, zeros, scale, gravity.
 
     position_order, torque_order: the log's column of each joint. position_sign, torque_sign: n of 1 or -1.
     zero: n rad (m), by how much a joint's position is larger in the log than in the model. scale: n factors

@@ -32,10 +32,10 @@ ITERATIONS = 8
 
 @dataclass(frozen=True)
 class Difference:
-    """What one run has that the others lack.
+    """Payload, offsets or friction of one run that the other runs do not share.
 
-    run: its index. kind: payload, offsets or friction. odds: logarithm. values, deviations: of its
-    parameters.
+    run: its index. kind: payload, offsets or friction. odds: logarithm. values, deviations: estimates of its
+    parameters and their standard deviations.
     """
 
     run: int

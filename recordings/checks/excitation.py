@@ -1,4 +1,4 @@
-"""What a motion can tell of each joint, what it cannot, and which motion would."""
+"""Check of the excitation: joints whose motion identifies too little, and a motion that would do."""
 
 import numpy as np
 

@@ -9,7 +9,7 @@ from identification.errors import InputError
 
 
 class Severity(StrEnum):
-    """How much a finding matters: it makes every answer meaningless, or some of it doubtful, or neither."""
+    """Severity of a finding: it makes every answer meaningless, or some of them doubtful, or neither."""
 
     STOP = "stop"
     WARN = "warn"

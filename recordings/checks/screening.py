@@ -70,7 +70,7 @@ class _Column:
         self.square = np.maximum(np.sum(whole**2, axis=0), TINY)
 
     def without(self, torque: Array) -> Array:
-        """What of a torque (m, ...) is left."""
+        """Residual of a torque (m, ...) without friction, armature and offset of the joint, fitted to it."""
         return torque - self.basis @ (self.basis.T @ torque)
 
 

@@ -38,7 +38,7 @@ class Group:
 
     @property
     def title(self) -> str:
-        """What the group is called."""
+        """Title of the group: the name of its column, or of its first and last."""
         names = [member.column.name for member in self.members]
         return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
 

@@ -203,7 +203,7 @@ def _channel(
     motion: _Motion,
     channels: dict[str, ChannelSection],
 ) -> _Found:
-    """What a group of columns is, by its name and its values."""
+    """Guess of how a group of columns holds this quantity, by its name and its values."""
     values = np.column_stack([column.values for column in columns]).astype(np.float64)
     if np.isnan(values).all():
         return _Found(quantity, None, f"NaN at every sample: this log has no {quantity}")

@@ -1,4 +1,4 @@
-"""What the names of columns say: their unit, their quantity, whether measured or asked for."""
+"""Parser of column names: their unit, their quantity, whether measured or commanded."""
 
 import re
 from collections.abc import Collection, Sequence

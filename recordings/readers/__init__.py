@@ -39,7 +39,7 @@ class Format:
 
 
 class Reader(Protocol):
-    """What a reader's file offers."""
+    """Interface of a reader's file."""
 
     FORMAT: Format
 

@@ -16,7 +16,7 @@ DYNAMIC_STATE = "control_msgs/msg/DynamicJointState"
 
 @dataclass(frozen=True)
 class Fields:
-    """What a message says of its joints. stamp: ns, of its header. values: by field, one number a joint."""
+    """Joint values of one message. stamp: ns, of its header. values: by field, one number a joint."""
 
     stamp: int
     joints: tuple[str, ...]

@@ -50,7 +50,7 @@ class Places:
 
     @property
     def answer(self) -> Path:
-        """What acts in this case; written last."""
+        """File with the true effects of this case; written last."""
         return self.sealed / ANSWER
 
 
@@ -125,7 +125,7 @@ def _rejected(drawn: DrawnEffect, attempt: int, why: str) -> dict[str, Any]:
 
 
 def _effects(drawn: Sequence[DrawnEffect], plan: PlannedCase, measured: Moved) -> list[dict[str, Any]]:
-    """What acts, by names. moved: largest over the joints of the torque moved, as a share of that needed."""
+    """True effects by name. moved: largest over the joints of the torque moved, as a share of that needed."""
     names = plan.robot.joint_names
     return [
         {

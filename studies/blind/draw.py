@@ -1,4 +1,4 @@
-"""What a case is made of, drawn by seed: kind, robot, effects, background, drive, motions, sensors."""
+"""Random draw of a case by seed: kind, robot, effects, background, drive, motions, sensors."""
 
 from dataclasses import asdict, dataclass
 from functools import cache

@@ -82,10 +82,10 @@ class Moved:
 
 
 def moved(robot: Robot, runs: IdealRuns) -> Moved:
-    """How much torque the effects move.
+    """RMS torque that the effects move, together and each by itself.
 
-    What the ideal logs need beyond the true model along their own motion, less the same of the healthy
-    twin, which leaves out the background and what filtering does to any log.
+    It is the torque that the ideal logs need beyond the true model along their own motion, less the same of
+    the healthy twin, which leaves out the background and what filtering does to any log.
     """
     healthy = _residuals(robot, runs.healthy)
 

@@ -216,7 +216,10 @@ def risk_and_coverage(rows: Sequence[Row]) -> tuple[Array, Array]:
 
 
 def confusion(rows: Sequence[Row]) -> tuple[list[str], list[str], NDArray[np.int64]]:
-    """What acts in singles, healthy and unknown cases; what is said first; the counts (rows, columns)."""
+    """Confusion matrix of single, healthy and unknown cases: true effects, first reported ones, and counts.
+
+    Rows are the true effects, columns the reported ones.
+    """
 
     def truth(row: Row) -> str:
         return str(row["effect"]) if row["kind"] == "single" else str(row["kind"])

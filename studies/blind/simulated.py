@@ -132,7 +132,7 @@ def planned_case(
 
 
 def ideal_runs(case: PlannedCase) -> IdealRuns:
-    """What the effects do to the first runs. Raises InputError where the robot cannot be driven."""
+    """Ideal logs of the first runs, with and without effects. Raises InputError where it cannot be driven."""
     first = range(min(MEASURED_RUNS, len(case.references) - 1))
     ideal = replace(case.healthy, sensors=SensorOptions())
     several = case.injections if len(case.injections) > 1 else ()

@@ -33,7 +33,7 @@ SAME = "same"
 
 @dataclass(frozen=True)
 class Study:
-    """What every process of a study is told. without: an effect taken out of the catalogue, or SAME."""
+    """Settings of every process of a study. without: an effect taken out of the catalogue, or SAME."""
 
     scenario: BlindScenario
     out: Path

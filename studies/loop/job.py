@@ -98,5 +98,5 @@ def _require_same(scenario: LoopScenario, path: Path) -> None:
 
 
 def _follows_from(scenario: LoopScenario) -> dict[str, Any]:
-    """What rounds follow from: more of them may be asked for later, and the others stay what they were."""
+    """Settings that determine the rounds, without their number, so that more may be asked for later."""
     return scenario.model_dump(mode="json", exclude={"rounds"}) | {"model": scenario.model.name}

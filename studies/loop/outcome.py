@@ -1,4 +1,4 @@
-"""What the rounds of a loop said, held against what acts."""
+"""Diagnoses of the rounds of a loop, compared with the true effects."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

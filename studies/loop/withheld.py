@@ -62,7 +62,7 @@ def first_motions(robot: Withheld) -> tuple[Excitation, ...]:
 
 
 def other_motion(robot: Withheld, number: int) -> Excitation:
-    """What round ``number`` runs where it does not follow the proposal. Raises InputError."""
+    """Random motion of round ``number`` where it does not follow the proposal. Raises InputError."""
     (seed,) = _stream(robot.scenario, FIRST, number).generate_state(1)
     limit_share = PROPOSED_SHARE if robot.scenario.follow == "random" else None
     return _random(robot, int(seed), limit_share)
@@ -84,7 +84,7 @@ def _random(robot: Withheld, seed: int, limit_share: float | None = None) -> Exc
 def recorded(
     robot: Withheld, motions: Sequence[Trajectory], number: int, jobs: int | None
 ) -> tuple[Recording, ...]:
-    """What the robot logs along the motions of round ``number``: nothing that only a simulation knows."""
+    """Logs of the robot along the motions of round ``number``, without the simulation's true effects."""
     simulation = robot.scenario.simulation
     references = [sample_reference(motion, simulation.control_rate, simulation.periods) for motion in motions]
     streams = _stream(robot.scenario, NOISE, number).spawn(len(references))

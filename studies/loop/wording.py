@@ -34,7 +34,7 @@ def headline(found: Outcome) -> str:
 
 
 def said(each: Round) -> str:
-    """What a round named."""
+    """Phrase on the effects that a round reported, with their probabilities and open rivals."""
     if not each.named:
         return f"nothing named ({each.document['verdict']}), {len(each.hidden)} effects would not have shown"
     shares = [f"{labelled(place)} {100 * each.probabilities[place]:.0f} %" for place in each.named]
@@ -43,7 +43,7 @@ def said(each: Round) -> str:
 
 
 def proposed(each: Round) -> str:
-    """What a round proposed to do next."""
+    """Phrase on the next experiment that a round proposed."""
     experiment = each.document["next_experiment"]
     if experiment is None:
         return "nothing is left open"
@@ -54,7 +54,7 @@ def proposed(each: Round) -> str:
 
 
 def truth(place: Place, values: Mapping[str, float]) -> str:
-    """What acts, with its parameters."""
+    """Phrase on a true effect, with its parameters."""
     parameters = effect(place.effect).DESCRIPTION.parameters
     told = [
         f"{each.name.replace('_', ' ')} {significant(values[each.name], 3)}"
@@ -66,7 +66,7 @@ def truth(place: Place, values: Mapping[str, float]) -> str:
 
 
 def estimated(named: Mapping[str, Any]) -> str:
-    """What a diagnosis names, with its parameters, from its entry in diagnosis.json."""
+    """Phrase on a reported effect, with its parameters, from its entry in diagnosis.json."""
     told = []
     for name, value in named["parameters"].items():
         if not isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""What a drawn robot is: its nominal model, its runs as robot-logs, and the answer."""
+"""A drawn robot: its nominal model, its runs as robot-logs, and its true faults."""
 
 from dataclasses import dataclass
 from pathlib import Path

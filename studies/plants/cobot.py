@@ -122,7 +122,7 @@ class CobotPlant:
         return replace(robot, table=table, sheet=sheet)
 
     def places(self, robot: Cobot) -> tuple[Place, ...]:
-        """What the drives of such an arm can have."""
+        """Effects that the drives of such an arm can have, and their joints."""
         of_joints = (
             "joint_elasticity",
             "backlash",

@@ -51,7 +51,7 @@ class Links:
 
     @property
     def body(self) -> tuple[NDArray[Any], ...]:
-        """What the compiled functions take."""
+        """Arrays that the compiled dynamics functions take as arguments."""
         return (
             self.place,
             self.axis,

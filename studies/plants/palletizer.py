@@ -128,7 +128,7 @@ class PalletizerPlant:
         return replace(robot, joints=plain, sheet=replace(robot.sheet, coulomb=np.zeros(5)))
 
     def places(self, robot: Palletizer) -> tuple[Place, ...]:
-        """What such an arm can have while it keeps to its path."""
+        """Effects that such an arm can have while it keeps to its path, and their joints."""
         of_joints = (
             "stribeck_friction",
             "asymmetric_friction",
@@ -288,7 +288,7 @@ def _drive(joint: Joint, q: Array, v: Array, a: Array, carried: Array, rate: flo
 
 
 def _reported(joint: Joint, q: Array, torque: Array, rate: float) -> Array:
-    """What the drive reports, (N,), where it delivers ``torque``."""
+    """Torque that the drive reports, (N,), where it delivers ``torque``."""
     reported = torque / (1 + joint.gain) * (1 + joint.commutation * np.sin(2 * q))
     return reported + joint.lag * np.gradient(reported, 1 / rate) if joint.lag else reported
 

@@ -111,7 +111,7 @@ class RedundantPlant:
         )
 
     def places(self, robot: Redundant) -> tuple[Place, ...]:
-        """What MJCF has a field for, and what acts along the reference."""
+        """Effects that may be drawn, with joints: those of an MJCF field or acting along the reference."""
         of_joints = (
             "asymmetric_friction",
             "nonlinear_viscous_friction",
@@ -309,7 +309,7 @@ def _end_of_body(text: str, start: int) -> int:
 
 
 def _in_place(model: mujoco.MjModel, robot: Redundant) -> None:
-    """What MJCF text leaves out: gravity on a tilted base, springs, friction that bends, soft limits off."""
+    """Set in the compiled model what its MJCF text leaves out: gravity, springs, curved friction, options."""
     model.opt.gravity[:] = robot.links.gravity
     model.opt.timestep = STEP
     # An implicit step would take the servos' damping at its end, and the log would not tell that.

@@ -137,7 +137,7 @@ class ScaraPlant:
         return replace(robot, table=table, sheet=replace(robot.sheet, coulomb=np.zeros(4)))
 
     def places(self, robot: Scara) -> tuple[Place, ...]:
-        """What a SCARA can have: its first axes are upright and feel no gravity."""
+        """Effects that a SCARA can have, with joints: its first axes are upright, without gravity torque."""
         of_joints = (
             "stribeck_friction",
             "asymmetric_friction",

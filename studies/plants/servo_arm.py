@@ -117,7 +117,7 @@ class ServoArmPlant:
         return replace(robot, table=table, sheet=sheet, links=sheet)
 
     def places(self, robot: ServoArm) -> tuple[Place, ...]:
-        """What a servo of plastic or brass can have."""
+        """Effects that a servo with plastic or brass gears can have, and their joints."""
         of_joints = (
             "stribeck_friction",
             "presliding_hysteresis",

@@ -31,7 +31,7 @@ ANY = "any"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a split.
+    """Result of the diagnosis and the correction on one split of a recording.
 
     error: the program's line where it failed, or empty. warnings: lines on stderr of a run that succeeded.
     log_warnings: codes of the checks' warnings about the fitted logs.

@@ -25,7 +25,7 @@ COMMANDS = ("excite", "simulate", "identify", "diagnose")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a model.
+    """Result of excitation, simulation and diagnosis with one model.
 
     model: its path below the folder. joints: how many moved, 0 before excite is done. notes: what was said
     of the model's file. stopped: the command that failed, "" where none did. reason: its line. speed: the
@@ -53,7 +53,7 @@ class _StoppedError(Exception):
 
 
 def judge(model: Path, name: str, folder: Path, options: tuple[str, ...] = ()) -> Outcome:
-    """What becomes of a model. folder: for the files. options: of every command that reads the model."""
+    """Result of all commands on a model. folder: for the files. options: of commands that read the model."""
     folder.mkdir(parents=True, exist_ok=True)
     outcome = Outcome(name)
     try:
@@ -116,7 +116,7 @@ def _speed(document: dict[str, Any]) -> float:
 
 
 def _run(folder: Path, command: str, *arguments: object) -> str:
-    """What a command prints. Raises _StoppedError with the last line of its complaint."""
+    """Output of a command. Raises _StoppedError with the last line of its error output."""
     out, complaint = StringIO(), StringIO()
     try:
         with redirect_stdout(out), redirect_stderr(complaint), _patience(command):
