@@ -144,7 +144,7 @@ def _hardly_seen(found: Attribution) -> NDArray[np.bool_]:
 
 
 def _without_doubtful(found: Attribution, supported: NDArray[np.bool_]) -> Attribution:
-    """The attribution without names that left-out runs, a bound or their own deviation speak against."""
+    """The attribution with effects no longer reported if left-out runs, a bound or their deviation say so."""
     accepted = list(with_support(found.accepted, supported))
     sines = one_sine(found.prepared)
     by_sines = bool(sines) and sines | found.prepared.still >= set(range(found.prepared.joints))
@@ -300,7 +300,7 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
 
 
 def _why_not_told(found: Attribution, item: Accepted) -> str:
-    """Why the verdict does not name what was taken in."""
+    """Reason why an accepted effect is not reported in the verdict."""
     family = item.candidate.family
     if item.doubt:
         return item.doubt

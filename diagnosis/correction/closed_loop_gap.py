@@ -80,7 +80,7 @@ def forward_gap(
 
 
 def _chosen(recordings: Mapping[str, Recording]) -> dict[str, Recording]:
-    """The first runs that tell their loop, one at least, as long as they are not too much together."""
+    """The first runs whose logs hold their control loop, one at least, up to a limit of time in all."""
     chosen: dict[str, Recording] = {}
     seconds = 0.0
     for name, recording in recordings.items():

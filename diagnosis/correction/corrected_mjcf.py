@@ -128,7 +128,7 @@ def reidentified_simulator(diagnosis: Diagnosis) -> Simulator:
 
 
 def corrected_simulator(diagnosis: Diagnosis) -> Simulator:
-    """The model with the effects that have a name and the parameters beside them; re-identified for none."""
+    """The model with the reported effects and the parameters fitted with them; re-identified without any."""
     model, kept = corrected_model(diagnosis), diagnosis.kept
     if not diagnosis.effects or kept.effects_whole == 0:
         return reidentified_simulator(diagnosis)

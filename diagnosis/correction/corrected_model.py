@@ -94,7 +94,7 @@ def corrected_by(only: Fit, final: tuple[Design, Fit], again: Recurrence | None,
         for accepted, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
         if not accepted.is_event
     ]
-    # A push of one run tells nothing of another's.
+    # A push of one run says nothing of another's.
     if again is not None:
         terms.append(Term(*again.pushed.place, dict(again.pushed.member.shape), again.coefficients))
     return Corrected(

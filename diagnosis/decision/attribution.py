@@ -28,5 +28,5 @@ class Attribution:
     hidden: tuple[tuple[str, int | None], ...]
 
     def takes_in(self, name: str, joint: int) -> bool:
-        """Whether an effect is among what was taken in, at this joint."""
+        """Whether an effect at this joint is among the accepted ones."""
         return (name, joint) in [item.candidate.place[:2] for item in self.accepted]

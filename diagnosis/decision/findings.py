@@ -30,11 +30,12 @@ LITTLE_BUT_NOISE, PERHAPS_NOISE, LITTLE_CLOSED = 1.03, 1.3, 0.2
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """One effect that the diagnosis names.
+    """One effect that the diagnosis reports.
 
     effect: of the catalogue. joint, into: indices, None for the whole robot. probability: 0 to 1.
     parameters: by the contract's names. candidate: its columns. confusable_with: effects that these
-    runs cannot tell from it. held_out_share: share of the joint's held-out squared residual it removes.
+    runs cannot distinguish from it. held_out_share: share of the joint's held-out squared residual that it
+    removes.
     """
 
     effect: str
@@ -179,7 +180,7 @@ class Diagnosis:
 
     @property
     def untold(self) -> tuple[int, ...]:
-        """The joints that move, but of which these runs tell too little for a name, and that have none."""
+        """The joints that move, but too little for an effect to be reported there, and where none is."""
         named = {joint for each in self.effects for joint in (each.joint, each.into)}
         others = named | self.prepared.silent | self.prepared.still
         return tuple(j for j in np.flatnonzero(~self.final[0].has_enough_samples).tolist() if j not in others)

@@ -34,8 +34,8 @@ LEAST_UNMET = 0.01
 # A push alone takes this share of the gap, or of some joint's that is so many times the noise: real ones
 # three quarters, or all of a joint's.
 OF_A_PUSH, OF_ITS_JOINT, BEYOND_NOISE = 0.55, 0.8, 1.3
-# Effects without a name that take this share of a joint's torque, and of its gap, off runs left out are no
-# healthy robot's imperfections, of which 140 took 5 % at most.
+# Unreported effects that take this share of a joint's torque, and of its gap, off runs left out are too large
+# for a healthy robot's imperfections.
 CLOSED_TORQUE, CLOSED_SHARE = 0.08, 0.5
 
 

@@ -1,4 +1,4 @@
-"""How often a name is right: against its rivals, and by how well its joint is explained with it."""
+"""Probability that a reported effect is right: by its rivals, and by how well it explains its joint."""
 
 from collections.abc import Sequence
 
@@ -10,11 +10,11 @@ from ..model.effect_sizes import sizes
 from .findings import Gap, NamedEffect
 
 # How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases and on
-# robots that others simulated (docs/blind.md, docs/other_robots.md): of the first that is named, and of those
+# robots that others simulated (docs/blind.md, docs/other_robots.md): of the first one reported, and of those
 # after it.
 NAMED = (0.98, 0.93)
 # Deviations are those of a model that holds. Where so many times its noise is left at a joint, it does not
-# quite, and a size within so many deviations of none may stand for what is left. Nor does one run alone tell
+# quite, and a size within so many deviations of none may stand for what is left. Nor does one run show
 # what another would.
 LEFT, DEVIATIONS = 2.0, 20.0
 DOUBTFUL = (0.8, 0.55)

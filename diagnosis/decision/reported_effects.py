@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 
 # A rival of this probability explains it as well.
 AS_WELL = 0.25
-# Share of a joint's squared residual that half the motion tells for sure.
+# Share of a joint's squared residual that half the motion determines for sure.
 NEARLY_ALL = 0.8
 # Beside what no effect explains, one that takes off this share of it may be a trace of the same.
 DWARFED = 0.05
@@ -90,7 +90,7 @@ def accepted_as(
     main = alone or is_main(sized, apart, stage, best, firsts, rest)
     certain = found.is_certain(stage)
     samples = stage.independent[list(best.candidate.member.rows)]
-    # Of an effect of the whole robot all joints tell.
+    # An effect of the whole robot shows at all joints.
     told = samples.max() if best.candidate.family.joint is not None else samples.sum()
     # Of what re-identification leaves: of what another effect leaves there, little is nearly all.
     large = obvious or is_certainly_beyond(sized, stage, best.gain)
@@ -214,7 +214,7 @@ def told_apart_at_last(
 
 
 def _of_robots(base: Ground, accepted: Sequence[Accepted]) -> Stage:
-    """The stage with pushes and effects of the whole robot alone."""
+    """The stage with only pushes and effects of the whole robot."""
     robots = [a.candidate for a in accepted if a.candidate.is_event or a.candidate.family.joint is None]
     return Stage.of(base, robots)
 
@@ -222,7 +222,7 @@ def _of_robots(base: Ground, accepted: Sequence[Accepted]) -> Stage:
 def _judged_beside(
     apart: Stage, sized: Robot, accepted: Sequence[Accepted], place: int, rest: Sequence[Weighed]
 ) -> Accepted:
-    """One effect judged beside all others that were taken in. apart, rest: as of ``accepted_as``."""
+    """One effect judged again with all other accepted ones fitted. apart, rest: as of ``accepted_as``."""
     item, others, base = accepted[place], [*accepted[:place], *accepted[place + 1 :]], apart.ground
     stage = Stage(base, *without_one(base.prepared, accepted, place))
     gain = stage.gain(item.candidate)
@@ -264,9 +264,9 @@ def as_fitted_at_last(
 
 
 def _is_another(accepted: Sequence[Accepted], times: Sequence[float], own: Accepted, size: float) -> bool:
-    """Whether another joint certainly has something without a name that is as large.
+    """Whether another joint certainly has an unreported effect that is as large.
 
-    times: how many times a healthy joint's everything is. size: of this one.
+    times: size of each effect as a multiple of a healthy joint's. size: that of this one.
     """
     here = (own.candidate.family.joint, None)
     return any(

@@ -1,4 +1,4 @@
-"""The next experiment: the motion along which effects that these runs cannot tell apart differ most.
+"""The next experiment: the motion along which effects that these runs cannot distinguish differ most.
 
 What is maximised, within the limits, is the mean of T / (T + ENOUGH²) over the hypotheses that stay open, T
 being how far each is from the nearest of the others (separation.py): as many as one motion can show are
@@ -66,7 +66,7 @@ class NextExperiment:
 
 
 def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | None:
-    """The motion that tells apart what stays open, or None where nothing does.
+    """The motion that distinguishes the open effects, or None where nothing is open.
 
     Random feasible motions of several kinds, the best of them improved by a (1+1) evolution strategy. The
     same seed gives the same motion. Where a model sets too few limits, what the runs reached stands in for

@@ -1,4 +1,4 @@
-"""Which experiment tells which effects apart, in words."""
+"""Advice, in words, on which experiment distinguishes which effects."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -35,7 +35,7 @@ PASSED = 0.2
 
 
 def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
-    """The delay, s, under which the rest of a hypothesis explains most, and all unknowns (p,) there.
+    """The likeliest common delay, s, of a hypothesis, and all parameters (p,) fitted with it.
 
     hypothesis: with the delay as one of its effects, or without.
     """
@@ -49,9 +49,9 @@ def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
 
 
 def likeliest_lateness(hypothesis: Design, fitted: Fit, surely: float) -> TorqueLag:
-    """How the logs have all torque late if a hypothesis is right; in time unless that is so much likelier.
+    """Lateness of all logged torque under a hypothesis; none unless it is so much likelier.
 
-    surely: log-likelihood, against no delay or any. No drive acts before it is told: this is of the way the
+    surely: log-likelihood, against no delay or any. No drive acts before its command: this is of the way the
     logs were taken. Through a low-pass only where that is far likelier than by a time alone.
     """
     shifted = _Shifted(hypothesis, fitted)

@@ -72,10 +72,10 @@ def log_of_squares(independent: Array, squared: Array) -> float:
 
 
 def log_likelihood(hypothesis: Design, fitted: Fit) -> float:
-    """Of a hypothesis fitted in full: the mean of what left-out and what fitted runs say; up to a constant.
+    """Log-likelihood of a fully fitted hypothesis, the mean of held-out and fitted ones; up to a constant.
 
     Where few runs cover a motion a left-out one is extrapolated to, and the law of fewer unknowns seems the
-    better. What is fitted pays for each of its coefficients and shapes instead (Schwarz, Ann. Statist. 1978).
+    better. Each effect pays for each of its coefficients and shapes instead (Schwarz, Ann. Statist. 1978).
     """
     held_out = log_of_squares(hypothesis.independent, squares(fitted.held_out))
     within = log_of_squares(hypothesis.independent, squares(fitted.residual))
@@ -84,9 +84,9 @@ def log_likelihood(hypothesis: Design, fitted: Fit) -> float:
 
 
 def log_posterior(hypothesis: Design, fitted: Fit) -> float:
-    """Of a hypothesis fitted in full: what the fitted runs say, and the parameters; up to a constant.
+    """Log-posterior of a fully fitted hypothesis, of its fitted runs and prior; up to a constant.
 
-    Where effects bend all parameters, these foretell left-out runs by chance.
+    Where effects bend all parameters, these predict left-out runs by chance.
     """
     within = log_of_squares(hypothesis.independent, squares(fitted.residual))
     return within + float(log_prior(hypothesis, fitted.values))
@@ -102,7 +102,7 @@ def by_chance(candidate: Candidate) -> float:
 
 
 def price(hypothesis: Design, candidate: Candidate) -> float:
-    """Half the logarithm of the samples that tell of it, for everything that was fitted of an effect."""
+    """Price of an effect: half the logarithm of its samples for each fitted coefficient and shape (BIC)."""
     told = float(np.max(hypothesis.independent[list(candidate.member.rows)]))
     return 0.5 * (candidate.count + len(candidate.member.shape)) * float(np.log(max(told, 1.0)))
 

@@ -25,7 +25,7 @@ from ..model.hypothesis import INDEPENDENT
 
 Array = NDArray[np.float64]
 
-# Deviation of a drive's gain, where nothing tells of it.
+# Deviation of a drive's gain, where nothing determines it.
 GAIN = 0.15
 # Of the base columns' squares, against those that one joint alone does not tell.
 RIDGE = 1e-9

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 # Share of the push in each run that the other runs must predict.
 FORETOLD = 0.7
-# Of the columns' squares, against loads that these runs do not tell apart.
+# Of the columns' squares, against loads that these runs do not distinguish.
 RIDGE = 1e-4
 REFINEMENTS, STEP = 30, 0.02
 

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 # An effect's name, its joint and the second joint of a pair.
 Place = tuple[str, int | None, int | None]
-# Something that happens in one run, and tells nothing of another.
+# Something that happens in one run, and says nothing of another.
 EVENT = "external_contact"
 # Beyond a limit the torque that is regressed on would stand on both sides: it is tried in its own way.
 SATURATION = "torque_saturation"

@@ -80,7 +80,7 @@ RIPPLE, RIPPLE_TORQUE = "transmission_ripple", 0.03
 # A spring that holds less than this share of the Coulomb friction may be any cable.
 SPRING, SPRING_COULOMB = "gravity_spring", 0.1
 # No gear loses so many times the severe end's share of its load, or warms within so many seconds: what seems
-# to is fitted, and has no name.
+# to is fitted, but not reported.
 OF_THE_LOAD, MOST_OF_LOAD = "load_dependent_friction", 1.5
 # But worms and small gears at little load lose four times that: where it explains this share of what its
 # joint leaves, it is no imitation.

@@ -24,12 +24,12 @@ Array = NDArray[np.float64]
 # Independent samples per decimated one: the widest low-pass leaves about a quarter of the decimated band to
 # noise, and what is left beside noise is coloured too.
 INDEPENDENT = 0.25
-# So many of them, three seconds of motion, tell little more than a joint's own parameters; half as many tell
-# what is next to all that those leave.
+# So many of them, three seconds of motion, determine little more than a joint's own parameters; half as many
+# show an effect that explains nearly all that those leave.
 FEWEST_INDEPENDENT, FEWEST_OF_ALL = 80.0, 40.0
 # Variance scale of the prior where a model is as good as any: a third of the deviations one expects of CAD.
 BEST_MODEL = 0.1
-# A joint's parameters that motion tells, about: of link and rotor, of friction and its offset.
+# Number of a joint's identifiable parameters, about: of link and rotor, of friction and its offset.
 DETERMINED = (6.0, 3.0)
 # Deviation of a push, in units of the strongest joint's RMS torque.
 LARGEST_PUSH = 3.0

@@ -1,4 +1,4 @@
-"""An effect that was taken in, and what several of them say together."""
+"""Accepted effects, and rules on what several of them at one joint mean."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ SLOWEST_RIPPLE = 10.0
 # is no straight line either.
 ONE_LAW, HOSE = 0.995, 0.95
 # So many laws at one joint more than at others are one that no catalogue holds, and so many couplings no
-# robot's drives, unless one of them leaves no more than this share of the squared residual, or two that have
-# names leave no more than the other one between them: the others are their rests.
+# robot's drives, unless one of them leaves no more than this share of the squared residual, or two
+# reported ones leave no more than the other one between them: the others fit their residual.
 MANY_LAWS, MANY_COUPLINGS, LEFT_BY_ONE, LEFT_BY_TWO = 4, 4, 0.05, 0.01
 # Squared residual that is left where a joint's own elasticity is all that gives way, as a share of what
 # re-identification leaves.
@@ -36,15 +36,15 @@ COUPLING = "joint_coupling"
 
 @dataclass(frozen=True)
 class Accepted:
-    """An effect taken in, with the rivals it was preferred to at its stage and their probabilities.
+    """An accepted effect, with the rivals it was preferred to at its stage and their probabilities.
 
     score: log-likelihood that it added. share: of some joint's held-out squared residual, the largest. worth:
     mean squares that it took off the joints' residuals, each by its own torque, summed. shift: log-likelihood
     of the parameters' shift that it spares. named: whether it is larger than on any healthy robot.
     is_certain: whether its size is known well enough for that. is_trace: found by a trace that only shows
-    beside every joint's imperfections, or where there are none. is_everywhere: whether other joints are about
-    as imperfect, so that it has no name. by_size: whether it has a name as it is larger than on any healthy
-    robot, and for nothing else. is_alone: or as nothing else is seen. doubt: why it lost its name at last.
+    with every joint's imperfections fitted, or where there are none. is_everywhere: whether other joints are
+    about as imperfect, so that it is not reported. by_size: whether it is reported only because it is larger
+    than on any healthy robot. is_alone: or because nothing else is seen. doubt: why it is no longer reported.
     """
 
     candidate: Candidate
@@ -78,7 +78,7 @@ def is_rest(item: Accepted, accepted: Sequence[Accepted]) -> bool:
 
 
 def _all_but_all(law: Accepted) -> float:
-    """The share of a joint's squared residual that is all of a law but its rest."""
+    """The share of a joint's squared residual from which one law is considered to explain all."""
     return HOSE if law.candidate.family.effect == CABLE else ONE_LAW
 
 
@@ -115,16 +115,16 @@ def laws_of_load(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tup
 
 
 def many_laws(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
-    """Joints with a name at which it takes many more laws than at others; all joints of many named couplings.
+    """Joints with a reported effect that need many more laws than others; all joints of many couplings.
 
-    Laws count named or not: every joint of a robot may have some imperfections. first, last: as above.
+    Laws count reported or not: every joint of a robot may have some imperfections. first, last: as above.
     """
     coupled = [a for a in accepted if _is_coupling(a)]
     left, found = share_left(first, last), []
     places = [(a.candidate.family.joint, a.candidate.family.into) for a in accepted]
     own = np.array([places.count((joint, None)) for joint in range(first.prepared.joints)])
     for joint in range(len(own)):
-        # A coupling without a name may be any other joint's.
+        # An unreported coupling may be any other joint's.
         laws = [
             a
             for a in accepted
@@ -139,7 +139,7 @@ def many_laws(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[
 
 
 def _is_almost_all(laws: Sequence[Accepted]) -> bool:
-    """Whether one of a joint's laws, or two that have names, leave next to nothing for the others."""
+    """Whether one of a joint's laws, or two reported ones, leave next to nothing for the others."""
     one = min(1 - a.share for a in laws)
     two = sorted(1 - a.share for a in laws if a.named)[:2]
     return one <= LEFT_BY_ONE or (len(two) == 2 and two[0] * two[1] <= LEFT_BY_TWO)

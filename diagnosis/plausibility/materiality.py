@@ -92,7 +92,7 @@ OF_HEALTHY = 0.1
 
 
 def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = False) -> bool:
-    """Whether a candidate explains enough to be taken in.
+    """Whether a candidate explains enough to be accepted.
 
     robot: that sizes are relative to. is_best: whether hardly any other gains as much.
     """

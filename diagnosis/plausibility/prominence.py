@@ -25,7 +25,7 @@ from .materiality import (
     is_large,
 )
 
-# Share of a joint's squared residual after re-identification that a named effect explains: what it leaves
+# Share of a joint's squared residual after re-identification that a reported effect explains: what it leaves
 # because its law is not quite the robot's is less.
 NAMED_SHARE = 0.05
 # And the share of what is left there when it is taken in, or the log-likelihood as a multiple of what any
@@ -81,11 +81,11 @@ def is_main(
     firsts: Sequence[Candidate],
     rest: Sequence[Weighed],
 ) -> bool:
-    """Whether it explains a fair part of some joint's residual of the first stage, re-identification's rest.
+    """Whether an effect explains a fair part of some joint's residual after re-identification.
 
-    robot: that sizes are relative to. firsts: effects that have been named already. What a law that is not
-    quite the robot's leaves is at the same joint, and a good part of it can be imitated: a second effect
-    there must explain more. rest: what else the catalogue explains beside it.
+    robot: that sizes are relative to. firsts: effects that are reported already. A law that is not quite the
+    robot's leaves a residual at the same joint, and other effects fit a good part of it: a second effect
+    there must explain more. rest: gains of the other candidates of the catalogue.
     """
     gain, family = best.gain, best.candidate.family
     shares = first.shares(gain)
@@ -142,7 +142,7 @@ def _is_of_one_transmission(family: Family, firsts: Sequence[Candidate]) -> bool
 
 
 def _is_no_rest(robot: Robot, stage: Stage, gain: Gain, firsts: Sequence[Candidate]) -> bool:
-    """Whether a second effect of a joint is too much, or too far beyond a healthy one, for a law's rest."""
+    """Whether a second effect of a joint is too large for the residual of the first one's law."""
     family, rows = gain.candidate.family, gain.candidate.member.rows
     assert family.joint is not None
     # What it does to joints that the first ones do nothing to is none either.

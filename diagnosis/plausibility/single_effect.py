@@ -62,7 +62,7 @@ def is_alone(
 
 
 def is_enough_alone(robot: Robot, stage: Stage, best: Weighed, coefficients: Array) -> bool:
-    """Whether it is more of what every joint has a little of than an imperfection alone would be."""
+    """Whether an effect of which every joint has a little is larger than a mere imperfection."""
     effect = best.candidate.family.effect
     if effect not in OF_EVERY_JOINT or best.score < LEAST_ALONE:
         return False
@@ -81,7 +81,7 @@ def are_joints_own(before: Sequence[Accepted]) -> bool:
 
 
 def is_elsewhere(stage: Stage, best: Weighed, before: Sequence[Accepted]) -> bool:
-    """Whether nothing that was taken in is at its joints; of the whole robot's, where it gains its most."""
+    """Whether no accepted effect is at its joints or, for the whole robot, where it gains most."""
     taken = {place for each in before for place in (each.candidate.family.joint, each.candidate.family.into)}
     family = best.candidate.family
     if not before:
@@ -93,9 +93,9 @@ def is_elsewhere(stage: Stage, best: Weighed, before: Sequence[Accepted]) -> boo
 
 
 def is_most(best: Weighed, rest: Sequence[Weighed]) -> bool:
-    """Whether nothing beside it gains nearly as much, nor is there a little of something at most joints.
+    """Whether no other effect gains nearly as much, nor do most joints have some significant one.
 
-    rest: what is left to explain.
+    rest: candidates for what is left to explain.
     """
     joints = {w.candidate.family.joint for w in rest if w.gain.wald > SMALLEST_WALD and w.score > 0}
     if len(joints - {None, best.candidate.family.joint}) > min(MOST_JOINTS, (best.candidate.joints - 1) // 2):

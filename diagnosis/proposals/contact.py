@@ -110,7 +110,7 @@ def _likeliest(
     bursts: Mapping[int, set[tuple[int, int]]],
     noise: Array,
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
-    """As of ``contact``, of a push that these joints bear.
+    """The likeliest push that these joints bear, its rivals, and the fit, as of ``contact``.
 
     logged: as of ``_without_effects``. fitted: as of ``fitted_shares``. bursts, noise: as of ``_in_bursts``.
     """
@@ -242,7 +242,7 @@ def _with_bursts(
 
 
 def _without_effects(stage: Stage) -> list[Logged]:
-    """The runs without the torque of the effects taken in and at the parameters beside them.
+    """The runs less the torque of the accepted effects, with the parameters fitted together with them.
 
     So a push stands out, and nothing else does: where a joint's samples do not count, as near rest, its
     residual is made up from those before and after.

@@ -27,7 +27,7 @@ STEP, TRIED, MORE_TRIED = 0.12, 14, 50
 
 
 def late_alone(robot: Robot, stage: Stage, shortlist: Sequence[Weighed]) -> list[Weighed]:
-    """Delays of one joint alone, of those whose drives may lag: slow motion hardly tells which."""
+    """Delays of one joint only, of those whose drives may lag: slow motion hardly distinguishes the two."""
     # Of a robot of one joint every delay is common, and where one is known the rest is a drive's.
     if stage.prepared.joints == 1 or any(each.is_common_delay for each in stage.hypothesis.accepted):
         return []
@@ -61,7 +61,7 @@ def by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
 
 
 def _cable(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
-    """A cable that hardens, where all runs surely tell it from the best by its other laws; else that."""
+    """A cable that hardens where all runs clearly favour it over its best other law, else the latter."""
     family, hardens = found.candidate.family, found.candidate.member.law == HARDENING
     others = [each for each in family.members if each.law != HARDENING]
     lines = _best_of(robot, stage, family, others) if hardens else [found]
@@ -80,7 +80,7 @@ def _cable(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
 
 
 def _hardly_hardening(robot: Robot, stage: Stage, line: Weighed) -> list[Weighed]:
-    """The cable that hardens as little as any from where the line rests, refined, where that is likelier."""
+    """The cable that hardens least, from the linear one's rest position, refined, where it is likelier."""
     family = line.candidate.family
     assert family.member is not None
     rest = quantities(line.candidate, line.gain.coefficients)["rest"].value

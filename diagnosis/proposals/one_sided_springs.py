@@ -22,9 +22,9 @@ ONE_SIDED = "a spring that pulls one way"
 
 
 def one_sided(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
-    """Joints where a spring that begins to pull at some position is far likelier than the one with a name.
+    """Joints where a spring that begins to pull at some position is far likelier than the reported one.
 
-    first: re-identification alone. last: with all effects taken in.
+    first: re-identification, without effects. last: with all accepted effects.
     """
     found = []
     named = [a.candidate for a in accepted if a.named and a.candidate.family.effect in SPRINGS]

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 # Of each joint's torque: a model that predicts left-out runs to this explains them.
 LITTLE_OF_TORQUE = 0.05
-# A name below this probability is as likely as not.
+# A reported effect below this probability is as likely as not.
 UNSURE = 0.6
 # What would make a robot so.
 LIKELY = {
@@ -36,7 +36,7 @@ def sentence_of(
     gap: Gap,
     torque: Array,
 ) -> str:
-    """The verdict in one sentence. effects, unknown: what has a name, and what none explains, most first.
+    """The verdict in one sentence. effects, unknown: reported effects and unexplained residuals, most first.
 
     torque: (n,) N·m RMS of the joints.
     """

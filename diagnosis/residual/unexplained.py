@@ -61,7 +61,7 @@ BY_CHANCE = 3.0
 MORE_THAN_CHANCE = 2.0
 WORSE = 0.1
 NOTHING, TIMING = "nothing that was tried", "rate of torque"
-# What effects explain that these runs do not tell for sure.
+# Residual explained by effects of which these runs are not sure.
 UNTOLD = "effects that these runs do not tell for sure"
 
 
@@ -110,10 +110,11 @@ def _of_motion(stage: Stage, free: Bank) -> list[Gain]:
 
 
 def unclaimed(first: Stage, last: Stage, free: Bank, certain: Stage | None = None) -> tuple[Unclaimed, ...]:
-    """The joints at which a function free of any law explains what the hypothesis does not, largest first.
+    """Unexplained residuals of the joints, found by functions of the motion free of any law; largest first.
 
-    first: re-identification alone. last: with all effects taken in. free: candidates of generic.py. certain:
-    with those alone whose size is known, if not all are: the others take a part of anything.
+    first: re-identification, without effects. last: with all accepted effects. free: candidates of
+    generic.py. certain: with only those whose size is known, if not all are: the others take a part of
+    anything.
     """
     found: dict[int, Unclaimed] = {}
     for each in (*_of_free_functions(first, last, free), *_of_periods(first, last), *_of_timing(last)):

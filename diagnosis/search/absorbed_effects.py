@@ -58,13 +58,13 @@ def swallowed(stage: Stage, weighed: Sequence[Weighed]) -> tuple[Stage, list[Wei
 
 
 def _foretold(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
-    """Those that left-out runs tell, and not by one joint's misfit."""
+    """Effects that left-out runs support, and not only by one joint's misfit."""
     found = [each for each in found if each.score > SMALLEST_GAIN]
     return [each for each in found if _elsewhere(stage, each) > SMALLEST_ELSEWHERE]
 
 
 def _by_all_runs(stage: Stage, found: Sequence[Weighed]) -> list[Weighed]:
-    """Those that all runs together tell, by the log-posterior each adds with the runs linearised anew."""
+    """Effects that all runs together support, by the log-posterior each adds with runs linearised anew."""
     found = [each for each in found if _is_worth_a_fit(stage, each)]
     if not found:
         return []
@@ -114,7 +114,7 @@ def _is_hidden(candidate: Candidate) -> bool:
 
 
 def _is_spring(cable: Weighed, weighed: Sequence[Weighed]) -> bool:
-    """Whether it is a cable that another spring at its joint explains better: beside it that has nothing."""
+    """Whether a cable is better explained by a gravity spring at its joint."""
     name, joint = cable.candidate.family.effect, cable.candidate.family.joint
     return name == CABLE and any(
         (w.candidate.family.effect, w.candidate.family.joint) == (SPRING, joint) and w.score > cable.score
@@ -123,7 +123,7 @@ def _is_spring(cable: Weighed, weighed: Sequence[Weighed]) -> bool:
 
 
 def _best_of_joints(weighed: Sequence[Weighed]) -> list[Candidate]:
-    """The first of each joint that is worth fitting beside."""
+    """The first effect of each joint that is worth fitting besides."""
     best: dict[int, Candidate] = {}
     for each in weighed:
         joint = each.candidate.family.joint

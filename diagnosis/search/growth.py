@@ -97,9 +97,10 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
 def _grown(
     prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought
 ) -> Attribution | NearRest | None:
-    """The hypothesis grown on these runs; or what more is known of friction near rest.
+    """The hypothesis grown on these runs, or else newly found friction near rest.
 
-    None where the zero that parameters were taken beside is a tilt's or the like. limits: of ``cuts``.
+    None where the encoder offset that the runs are linearised with is a tilt's or the like. limits: of
+    ``cuts``.
     """
     sought.along(prepared)
     original = Stage.of(ground(prepared), [])
@@ -198,12 +199,12 @@ def _as_of(hypothesis: Design, accepted: Sequence[Accepted]) -> list[Accepted]:
 
 
 def _places(accepted: Sequence[Accepted]) -> list[tuple[str, int | None]]:
-    """The effects, and their joints, of what was taken in."""
+    """Effect and joint of each accepted effect."""
     return [item.candidate.place[:2] for item in accepted]
 
 
 def _zero_of(prepared: Prepared) -> tuple[str, int]:
-    """The effect, and the joint, of the zero that parameters are taken beside."""
+    """Effect and joint of the encoder offset that the runs are linearised with."""
     return OFFSET, int(np.argmax(np.abs(prepared.zeros)))
 
 
@@ -222,7 +223,7 @@ def _other_banks(base: Ground, motions: Sequence[Candidate]) -> tuple[Bank, Bank
 
 
 def _of_event(accepted: Sequence[Accepted]) -> int:
-    """The place of a push among what was taken in; after the last one where there is none."""
+    """Index of a push among the accepted effects; their number where there is none."""
     return next((place for place, a in enumerate(accepted) if a.candidate.is_event), len(accepted))
 
 
@@ -242,7 +243,7 @@ def _with_flat_tops(
 def _pruned(
     base: Ground, sized: Robot, accepted: list[Accepted], hypothesis: Design, fitted: Fit
 ) -> tuple[list[Accepted], Design, Fit]:
-    """Take out, one by one, what is no longer material beside the others."""
+    """Take out, one by one, effects that are no longer material with the others fitted."""
     while len(accepted) > 1:
         rest = [without_one(base.prepared, accepted, place) for place in range(len(accepted))]
         worth = []

@@ -54,7 +54,7 @@ class Search:
     without: tuple[str, ...]
 
     def open(self, stage: Stage, proposals: Bank) -> list[Weighed]:
-        """Every effect that may still be taken in, best first."""
+        """Candidates that may still be accepted, best first."""
         taken = {each.place for each in stage.hypothesis.accepted}
 
         def allowed(gain: Gain) -> bool:
@@ -112,7 +112,7 @@ class Search:
         if (pushed := push()) is not None:
             return pushed
         if unclaimed(self.first, stage, free):
-            # What has no name leaves traces of all kinds.
+            # Effects that are not reported leave traces of all kinds.
             return None
         return (
             self._late(stage, weighed, before)
@@ -155,7 +155,7 @@ class Search:
         return Found(best, rivals, trial, is_trace=True)
 
     def _is_seen(self, stage: Stage, weighed: Weighed) -> bool:
-        """Whether it is there for certain, more than a healthy robot alone has, and shows in the torque."""
+        """Whether an effect is significant, larger than on a healthy robot, and visible in the torque."""
         gain, torque_rms = weighed.gain, stage.ground.torque_rms
         if weighed.score < SMALLEST_GAIN or gain.wald < SMALLEST_WALD:
             return False

@@ -146,10 +146,10 @@ def _by_all_runs(
 
 
 def _behind_lags(listed: Sequence[Candidate], likelihoods: Sequence[float]) -> list[float]:
-    """The log-likelihoods with no delay of one joint alone likelier than that its drive lags.
+    """The log-likelihoods, with the delay of one joint only no likelier than a lag of its drive.
 
-    Drives lag, and a bus is late at every joint. As no current loop is quite of first or second order, three
-    of five delays that were likelier were lags, and one was neither.
+    Drives lag, and a bus is late at every joint. As no current loop is quite of first or second order, a
+    delay that seems likelier is mostly a lag.
     """
     lags = {
         each.family.joint: own
