@@ -208,11 +208,11 @@ def _verdict(found: Attribution, gap: Gap) -> str:
 
 
 def _closes_more(found: Attribution) -> bool:
-    """Whether some effect that is named explains more than what no effect does, each joint by its torque.
+    """Whether some reported effect explains more than the unexplained residual, relative to joint torques.
 
-    What follows nothing at all is told beside the effects, since no motion foretells it, unless it is far
-    more; but where half the joints have it, what is named is a trace of it. A push leaves it where it acted
-    otherwise than was fitted.
+    A residual that follows nothing is reported besides the effects, since no motion predicts it, unless it is
+    far more; but where half the joints have it, a reported effect is a trace of it. A push leaves it where it
+    acted otherwise than was fitted.
     """
     named = [item for item in found.accepted if item.named]
     nothing = {item.joint for item in found.unknown if item.regime == NOTHING}
@@ -257,9 +257,9 @@ def _named(found: Attribution, index: int) -> NamedEffect:
 
 
 def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandidate, ...]:
-    """Everything that was weighed, most probable first.
+    """All candidates that were considered, most probable first.
 
-    told: the probability of each effect that the verdict names, by its place among those taken in.
+    told: the probability of each effect that the verdict reports, by its place among the accepted ones.
     """
     ranked = []
     for index, accepted in enumerate(found.accepted):

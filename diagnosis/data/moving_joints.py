@@ -1,4 +1,4 @@
-"""Which joints move: by more than their encoders' step and noise.
+"""Detection of the joints that move: by more than their encoders' step and noise.
 
 A joint that is held dithers between two counts of its encoder. Differentiated, that looks like motion, and a
 law of such a motion may have any coefficient.

@@ -30,7 +30,7 @@ from .moving_joints import is_moving
 
 Array = NDArray[np.float64]
 
-# The widest band in which gaps are sought; how slow a joint must be for its friction's sign to be unknown.
+# The widest band in which gaps are analysed; how slow a joint must be for its friction's sign to be unknown.
 CUTOFF = 20.0
 DEAD_ZONE = 0.02
 # The filter smears a wrong sign over half a cut-off period to either side. Beyond that little of it is left,

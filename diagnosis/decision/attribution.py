@@ -1,4 +1,4 @@
-"""An attribution: the hypothesis that a search found, with what it did not take in."""
+"""An attribution: the hypothesis that a search found, with the candidates that it did not accept."""
 
 from dataclasses import dataclass
 
@@ -14,8 +14,8 @@ from ..residual.unexplained import Unclaimed
 class Attribution:
     """The hypothesis found.
 
-    unknown: structure that no effect explains. last_stage: what was not taken in. hidden: effects that would
-    not show in these runs.
+    unknown: structure that no effect explains. last_stage: candidates not accepted. hidden: effects that
+    would not show in these runs.
     """
 
     prepared: Prepared

@@ -137,9 +137,9 @@ class Diagnosis:
     common torque delay that goes with them, beside how late ``prepared`` says that the logs have it.
     kept: how much of either the predictions and the model files have.
     not_observable: effects nothing of which would show.
-    recurrence: the push as one that every run has. everywhere: effects fitted without a name, as other joints
-    are about as imperfect. one_sine: joints that follow one sine in each run. differences: what some runs
-    have and others have not, taken off before the fit. log_findings: of the checks of the logs.
+    recurrence: the push as one that every run has. everywhere: effects fitted but not reported, as other
+    joints are about as imperfect. one_sine: joints that follow one sine in each run. differences: payload,
+    offsets or friction of some runs only, taken off before the fit. log_findings: of the checks of the logs.
     """
 
     robot: Robot

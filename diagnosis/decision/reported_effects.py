@@ -1,6 +1,6 @@
 """Rules for reporting an accepted effect: it is larger than on healthy robots and has no equal rival.
 
-It is judged when it is taken in, and again where what was found later makes it seen more clearly.
+It is judged when it is accepted, and again where effects found later make it seen more clearly.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""How large a rival is likely to be: as fitted, as fitted in another's place, or as is typical."""
+"""Likely size of a rival effect: as fitted, as fitted in another's place, or as is typical."""
 
 from dataclasses import dataclass
 

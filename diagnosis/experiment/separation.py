@@ -1,4 +1,4 @@
-"""How far apart along a motion the effects that stay open are, in units of the diagnosis's noise.
+"""Separation of the open effects along a motion, in units of the diagnosis's noise.
 
 T-optimality (Atkinson & Fedorov 1975, "The design of experiments for discriminating between two
 rival models"): with the torque eta_i that hypothesis i adds, at its likely size, the separation of i

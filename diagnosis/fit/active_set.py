@@ -13,7 +13,7 @@ AT_BOUND = 1e-9
 
 
 def at_bounds(values: Array, bounds: tuple[Array, Array]) -> NDArray[np.bool_]:
-    """Which of the unknowns (p,) are at one of their bounds, (p,)."""
+    """Mask (p,) of the unknowns that are at one of their bounds."""
     lower, upper = bounds
     nearness = AT_BOUND * np.abs(values)
     return (values <= lower + nearness) | (values >= upper - nearness)

@@ -1,7 +1,8 @@
 """A delay of all torques, or how late a log has them, found by shifting them back: exact at any size.
 
 A column that is linear in the delay holds near the size and at the parameters it was taken at; a delay that
-makes the controller shake bends those until nothing can be told. Shifted back, torque is linear in all else.
+makes the controller shake bends those until nothing is identifiable. Shifted back, torque is linear in all
+else.
 """
 
 from collections.abc import Sequence

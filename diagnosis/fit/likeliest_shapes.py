@@ -1,7 +1,7 @@
 """Shapes of effects by all runs: the likeliest, once it is known which effects act.
 
-While effects are sought, one after the other, a shape is judged by runs left out. Which law holds they tell
-well; how large its shapes are is told best by all runs together, beside all other effects.
+While effects are searched for, one after the other, a shape is judged by runs left out. These show well which
+law holds; how large its shapes are is best estimated from all runs together, with all other effects fitted.
 """
 
 from collections.abc import Sequence
@@ -71,7 +71,7 @@ def after_a_step(robot: Robot, hypothesis: Design, fitted: Fit, places: Sequence
 
 
 def _stepped(hypothesis: Design, fitted: Fit, place: int) -> dict[str, float]:
-    """An effect's shape after one Gauss-Newton step beside all else, within its ranges."""
+    """An effect's shape after one Gauss-Newton step jointly with all else, within its ranges."""
     each = hypothesis.accepted[place]
     names = searched_for(each)
     slopes = slopes_by_shapes(hypothesis, fitted, place, names)
@@ -90,7 +90,7 @@ def is_searched(each: Candidate) -> bool:
 def at_likeliest_shape(
     robot: Robot, hypothesis: Design, fitted: Fit, place: int, least_step: float = LEAST_STEPS[0]
 ) -> Candidate:
-    """An effect at the likeliest of its shapes, beside the others as they are."""
+    """An effect at the likeliest of its shapes, with the others kept as they are."""
     each, prepared = hypothesis.accepted[place], hypothesis.prepared
     others = design(prepared, [*hypothesis.accepted[:place], *hypothesis.accepted[place + 1 :]])
     # By the weights of the whole: without the effect its joint would seem to be the noisier.

@@ -7,7 +7,7 @@ With the noise of each joint and the scales of the prior integrated out, both ar
 m_j are the independent samples of joint j, distance_k the squared shift of the parameters of kind k (links,
 friction) in units of the prior of prior.py, nu_k how many of them the runs can move, b the scale of the best
 model; the timing error has a term of its own. An
-effect that re-identification swallows shows in the prior alone.
+effect that re-identified parameters absorb shows in the prior only.
 """
 
 from collections.abc import Callable, Sequence

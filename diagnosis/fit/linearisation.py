@@ -1,4 +1,4 @@
-"""Where effects are linearised: at the loads and derivatives of the parameters fitted so far."""
+"""Linearisation of effects at the loads and derivatives of the parameters fitted so far."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -49,7 +49,7 @@ def bends_parameters(family: Family) -> bool:
 
 
 def first_linearised(prepared: Prepared, seeks_zero: bool = True) -> Prepared:
-    """The runs linearised at their re-identification: beside a zero that lies far off, or a long delay."""
+    """The runs linearised at their re-identification, with a large encoder offset or a long delay if any."""
     hypothesis, fitted = fitted_to(prepared, [])
     values = fitted.values
     zeros = np.zeros(prepared.joints)

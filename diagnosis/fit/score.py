@@ -98,7 +98,7 @@ class Stage:
 
     @property
     def timing(self) -> float:
-        """Seconds by which the hypothesis has all torque late, beside its effects."""
+        """Fitted common timing error of all torque, s, besides the hypothesis's effects."""
         return float(self.fitted.values[self.hypothesis.timing])
 
     @property
@@ -231,10 +231,10 @@ class Stage:
     def _live(
         self, bank: Bank, members: NDArray[np.int64], squares: Array
     ) -> tuple[NDArray[np.bool_], Array]:
-        """Which candidates of a group show at all, and the weighted squares of their columns (C, k)."""
+        """Mask (C,) of a group's candidates that show at all; weighted squares of their columns (C, k)."""
         size = np.einsum("j,cfjaa->ca", self.weights, squares)
         # A window of an event may fall where nothing counts, and what no joint feels is held at zero; the
-        # others still tell.
+        # others still count.
         event = np.array([bank.candidates[c].is_event for c in members])
         held = np.array([bank.candidates[c].member.upper == bank.candidates[c].member.lower for c in members])
         live = np.all((size > 0) | held | event[:, None], axis=1) & np.any(size > 0, axis=1)

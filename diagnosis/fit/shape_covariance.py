@@ -1,4 +1,4 @@
-"""How well an effect is known: its coefficients and its shapes together, beside all else that was fitted.
+"""Covariance of an effect's coefficients and shapes together, jointly with all else that was fitted.
 
 A shape enters the torque nonlinearly; near what was found its slope is one more column (Gauss-Newton), so the
 covariance of all of them is the inverse of their common information.

@@ -49,7 +49,7 @@ def searched_for(each: Candidate) -> list[str]:
 def ranges(each: Candidate, names: Sequence[str]) -> tuple[Array, Array]:
     """The ranges, lower and upper (s,), that some of an effect's shapes are searched in.
 
-    What was taken in is in them, whatever its family looks for once the runs are linearised anew.
+    The accepted shape is in them, whatever its family looks for once the runs are linearised anew.
     """
     refine, shape = each.family.refine, each.member.shape
     lower = np.array([min(refine[name][0], shape[name]) for name in names])
@@ -58,7 +58,7 @@ def ranges(each: Candidate, names: Sequence[str]) -> tuple[Array, Array]:
 
 
 def share_of(values: Array, lower: Array, upper: Array) -> Array:
-    """Where values lie between bounds, 0 to 1: by their logarithm, if neither bound is zero or less."""
+    """Position of values between bounds, 0 to 1: by their logarithm, if neither bound is zero or less."""
     shares = np.zeros(len(values))
     for k, (value, low, high) in enumerate(zip(values, lower, upper, strict=True)):
         if high > low:

@@ -1,8 +1,8 @@
-"""How tightly the prior holds a fit, by what it predicts of runs that were left out.
+"""Strength of the prior of a fit, chosen by how well it predicts left-out runs.
 
 The scales of the prior are those at which the fitted parameters are likeliest; a misfit makes them too large.
 They are never made larger: runs that repeat one motion are predicted ever better by parameters that no other
-motion bears out.
+motion supports.
 """
 
 from dataclasses import replace

@@ -34,7 +34,7 @@ class Recurrence:
 def recurrence(hypothesis: Design, fitted: Fit) -> Recurrence | None:
     """The push of a hypothesis as one that every run has at the same time; None where the runs differ.
 
-    Judged by leaving each run out: the others must foretell its push.
+    Judged by leaving each run out: the others must predict its push.
     """
     for pushed, part in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         if pushed.is_event:

@@ -70,7 +70,7 @@ class Candidate:
 
     @property
     def shapes(self) -> int:
-        """How many shapes of its law are tried."""
+        """Number of shapes of its law that are tried."""
         of_its_law = sum(member.law == self.member.law for member in self.family.members)
         return max(of_its_law, self.family.picked_from, 1)
 

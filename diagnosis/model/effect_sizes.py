@@ -1,4 +1,4 @@
-"""How large an effect is, against what every healthy robot has of it and what no arm has."""
+"""Size of an effect, relative to that on healthy robots and to what no arm has."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -151,7 +151,7 @@ def moves_little(torque_scale: Array, candidate: Candidate, coefficients: Array)
 
 
 def times_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
-    """How many times the most that a healthy robot has of an effect; arguments as of ``size``."""
+    """Size of an effect as a multiple of the largest on a healthy robot; arguments as of ``size``."""
     healthy = HEALTHY.get(candidate.family.effect, HEALTHY_ELSE)
     if candidate.is_late_alone:
         healthy = LATE_ALONE
@@ -251,7 +251,7 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
 
 
 def _lever(robot: Robot, candidate: Candidate, values: Mapping[str, Quantity]) -> float:
-    """How far from rest a cable is judged, rad (m): half of the joint's range, or one where that is more.
+    """Distance from rest at which a cable is judged, rad (m): half of the joint's range, at most one.
 
     values: its parameters. One that hardens pulls there as if it were as much farther, but no more than it
     does in these runs: beyond their motion nothing is known of it.
@@ -266,7 +266,7 @@ def _lever(robot: Robot, candidate: Candidate, values: Mapping[str, Quantity]) -
 
 
 def _reached(candidate: Candidate) -> float:
-    """How warm a joint gets in its runs, as a share of what it would by LONGEST_WARMING; one at most."""
+    """Share, up to one, of the warming within LONGEST_WARMING that a joint reaches in its runs."""
     member = candidate.member
     seconds = candidate.sample_time * sum(len(each) for each in member.columns)
     longest, constant = LONGEST_WARMING, member.shape["time_constant"]

@@ -1,7 +1,7 @@
 """A hypothesis: which effects act on the runs, its unknowns, their prior and their bounds.
 
 Unknowns are the deviations of the standard parameters from the model's, held back by the prior of
-prior.py, a common timing error, and the coefficients of the effects taken in so far.
+prior.py, a common timing error, and the coefficients of the effects accepted so far.
 """
 
 from collections.abc import Mapping, Sequence
@@ -56,7 +56,7 @@ class Design:
 
     @property
     def timing(self) -> int:
-        """Where the timing error is among the unknowns: after the standard parameters."""
+        """Index of the timing error among the unknowns: after the standard parameters."""
         return self.parameters - 1
 
     @property
@@ -71,23 +71,23 @@ class Design:
 
     @property
     def counts(self) -> Array:
-        """How many samples of each joint count, (n,)."""
+        """Number of samples of each joint that count, (n,)."""
         return np.sum([np.sum(used, axis=0) for used in self.used], axis=0).astype(np.float64)
 
     @property
     def independent(self) -> Array:
-        """How many independent samples that is, (n,): they are decimated for the joint of the widest band."""
+        """Number of independent samples of each joint, (n,); all are decimated for the widest band."""
         of_each = self.prepared.band / self.prepared.band.max()
         return min(INDEPENDENT * self.prepared.thinning, 1.0) * of_each * self.counts
 
     @property
     def has_enough_samples(self) -> NDArray[np.bool_]:
-        """Which joints (n,) move through enough independent samples for a cause to be reported there."""
+        """Mask (n,) of the joints with enough independent samples for a cause to be reported there."""
         return self.independent >= FEWEST_INDEPENDENT
 
     @cached_property
     def kinds(self) -> Array:
-        """Which unknowns (p,) are of each kind, (2, p): links and rotors; friction and offsets."""
+        """Masks of the unknowns of each kind, (2, p): links and rotors; friction and offsets."""
         kinds, of_joint = np.zeros((2, len(self.precision))), np.zeros((2, PER_JOINT))
         of_joint[0, [*range(INERTIAL), ARMATURE]] = 1.0
         of_joint[1, [VISCOUS, COULOMB, OFFSET]] = 1.0
@@ -99,7 +99,7 @@ class Design:
 
     @property
     def parts(self) -> tuple[slice, ...]:
-        """Where each effect's coefficients are among the unknowns."""
+        """Slice of each effect's coefficients among the unknowns."""
         ends = np.cumsum([self.parameters, *(c.count for c in self.accepted)]).tolist()
         return tuple(slice(first, last) for first, last in pairwise(ends))
 
@@ -191,5 +191,5 @@ def bounds(hypothesis: Design) -> tuple[Array, Array]:
 
 
 def _determined(hypothesis: Design) -> Array:
-    """How many parameters of each kind the data can move, (2,): about nine of fourteen a joint."""
+    """Number of identifiable parameters of each kind, (2,): about nine of fourteen a joint."""
     return hypothesis.prepared.joints * np.array(DETERMINED)

@@ -85,7 +85,7 @@ def _all_but_all(law: Accepted) -> float:
 def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
     """Joints at which it takes two laws of position: together they are one that no catalogue holds.
 
-    first: re-identification alone. last: with all effects taken in.
+    first: re-identification, without effects. last: with all accepted effects.
     """
     found, named = [], [a for a in accepted if a.named and _is_of_position(a)]
     for joint, left in enumerate(share_left(first, last).tolist()):

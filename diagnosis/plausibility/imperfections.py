@@ -128,7 +128,7 @@ def _of_others(
 
 @dataclass(frozen=True)
 class _Seen:
-    """An effect, taken in or not: its joint, how many times what a healthy one has, and Wald's statistic."""
+    """An effect, accepted or not: its joint, its multiple of a healthy one's size, its Wald statistic."""
 
     joint: int
     times: float

@@ -1,4 +1,4 @@
-"""Which effects would not show in these runs, even where they were severe."""
+"""Effects that would not show in these runs, even where they were severe."""
 
 from collections.abc import Sequence
 
@@ -27,7 +27,7 @@ INVERSIONS, INVERTED = 20, 1e-9
 def not_observable(robot: Robot, weighed: Sequence[Weighed]) -> tuple[tuple[str, int | None], ...]:
     """(effect, joint) of what is below the noise of these runs at the severe end of its typical range.
 
-    weighed: the best member of every family that was not taken in, at the last stage. Only effects whose size
+    weighed: the best member of every family that was not accepted, at the last stage. Only effects whose size
     goes with their coefficients are judged: of the others a small one says nothing about a severe one.
     """
     found = []

@@ -28,7 +28,7 @@ from .materiality import (
 # Share of a joint's squared residual after re-identification that a reported effect explains: what it leaves
 # because its law is not quite the robot's is less.
 NAMED_SHARE = 0.05
-# And the share of what is left there when it is taken in, or the log-likelihood as a multiple of what any
+# And the share of what is left there when it is accepted, or the log-likelihood as a multiple of what any
 # other joint's effect gains: imperfections that are no smaller would not let it be distinguished from them.
 STANDING_OUT, PROMINENT = 0.2, 3.0
 # But none of them looks like these; bristles are held against those of the other joints.

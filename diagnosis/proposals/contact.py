@@ -81,7 +81,7 @@ def contact(
 
     None where nothing looks like a push. An event cannot be predicted from other runs, so it is judged where
     it was seen, and pays for its coefficients instead (Akaike). free: candidates of generic.py; a joint whose
-    residual one of them foretells was not pushed.
+    residual one of them predicts was not pushed.
     """
     foretold = foretold_shares(stage, free)
     fitted = fitted_shares(stage, free)

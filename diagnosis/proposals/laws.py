@@ -22,7 +22,7 @@ from .ripple_peaks import second_waves
 # one: first moments take up much of any, and bent parameters predict left-out runs by chance.
 SURELY = 10.0
 # First step of a refinement, as a share of the shape's range, and how many shapes are tried; where several go
-# together, more of what is taken in.
+# together, more of an accepted effect.
 STEP, TRIED, MORE_TRIED = 0.12, 14, 50
 
 

@@ -6,7 +6,7 @@ like friction that bends at any speed. Where the smooth form explains more than 
 is the joint's Coulomb friction.
 
 And a simulator whose friction is a soft constraint, as MuJoCo's frictionloss, turns it when v + l a changes
-sign: l = time constant x impedance / 2 ahead of the joint, 9.5 ms unless told otherwise. It is told from all
+sign: l = time constant x impedance / 2 ahead of the joint, 9.5 ms by default. It is estimated from all
 joints together.
 """
 

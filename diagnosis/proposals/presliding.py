@@ -2,7 +2,7 @@
 
 Near rest no sample counts, since Coulomb friction there is whatever holds the joint. Bristles have no such
 freedom: what they bear follows from what the joint has moved since they last slid. An arm that stands
-between its moves shows them there and hardly anywhere else. Where they foretell what friction is at rest,
+between its moves shows them there and hardly anywhere else. Where they predict the friction at rest,
 samples near rest count as well.
 """
 

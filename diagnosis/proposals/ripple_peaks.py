@@ -22,7 +22,7 @@ OTHERS = 0.5
 def ripple_candidates(first: Stage, stage: Stage) -> list[Candidate]:
     """Ripples at the peaks of what is left, of the joints at which effects took much away.
 
-    first: re-identification alone, whose peaks those of the catalogue are.
+    first: re-identification, without effects, whose peaks those of the catalogue are.
     """
     left = squares(stage.fitted.residual) / np.maximum(squares(first.fitted.residual), 1e-300)
     others = set(np.flatnonzero(left < OTHERS).tolist()) - stage.hypothesis.joints_with(RIPPLE)
@@ -36,7 +36,7 @@ def ripple_candidates(first: Stage, stage: Stage) -> list[Candidate]:
 
 
 def second_waves(hypothesis: Design, fitted: Fit) -> tuple[Member, ...]:
-    """The ripple that was taken in last, with a second wave at each peak of what is left."""
+    """The ripple that was accepted last, with a second wave at each peak of what is left."""
     ripple = hypothesis.accepted[-1]
     make, joint = ripple.family.member, ripple.family.joint
     assert make is not None

@@ -44,7 +44,7 @@ WORTH_A_WAVE = 1e-3
 def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
     """Joints with a reported lag of the drive that is really a vibration at one frequency.
 
-    first: re-identification, without effects. last: with all effects taken in.
+    first: re-identification, without effects. last: with all accepted effects.
     """
     left, found = share_left(first, last), []
     for place, item in enumerate(accepted):
@@ -83,7 +83,7 @@ def worth_telling(found: Sequence[Unclaimed]) -> list[Unclaimed]:
 def with_its_line(last: Stage, item: Unclaimed) -> Unclaimed:
     """An unexplained residual with the frequency that dominates it, if that does not dominate the motion.
 
-    last: with all effects taken in.
+    last: with all accepted effects.
     """
     if item.regime != NOTHING:
         return item

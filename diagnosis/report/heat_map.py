@@ -1,4 +1,4 @@
-"""Where the gap lies, as a heat map of joints and regimes."""
+"""Heat map of the gap over joints and regimes of the motion."""
 
 import numpy as np
 import plotly.graph_objects as go

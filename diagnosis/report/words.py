@@ -27,7 +27,7 @@ def title(effect: str) -> str:
 
 
 def place(robot: Robot, joint: int | None, into: int | None = None) -> str:
-    """Where an effect acts."""
+    """Phrase for the joint or joints at which an effect acts."""
     if joint is None:
         return "whole robot"
     first = robot.joint_names[joint]
@@ -132,7 +132,7 @@ def verdict(diagnosis: Diagnosis) -> str:
 
 
 def near_rest(diagnosis: Diagnosis) -> list[str]:
-    """Whose friction is soft near rest, whom bristles hold there, and whether all friction turns ahead."""
+    """Sentences on friction near rest: soft joints, joints held by bristles, friction that turns ahead."""
     names, width = diagnosis.robot.joint_names, diagnosis.prepared.coulomb_smoothing
     soft = [f"{names[joint]} {width[joint]:.2g}" for joint in np.flatnonzero(width).tolist()]
     law = "Coulomb friction is soft near rest, fc tanh(v / w) with w in rad/s (m/s)"
@@ -242,7 +242,7 @@ def mended(diagnosis: Diagnosis) -> list[str]:
 
 
 def recurrence(diagnosis: Diagnosis) -> list[str]:
-    """That a push is in every run, and so in predictions; nothing where it is not."""
+    """Sentence on a push that every run has, and so predictions have; empty where there is none."""
     if diagnosis.recurrence is None:
         return []
     shape = diagnosis.recurrence.pushed.member.shape

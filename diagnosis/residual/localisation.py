@@ -1,4 +1,4 @@
-"""Where the gap lies: by joint, and within a joint by the regime of the motion.
+"""Localisation of the gap: by joint, and within a joint by the regime of the motion.
 
 Most regimes are sets of samples: near reversal, slow, fast, moving forward or back, in a part of the range,
 heavily loaded, accelerating hard, early or late in the run. Their share is their part of the joint's squared
@@ -113,7 +113,7 @@ def _of_samples(
 
 
 def densest(shares: Sequence[RegimeShare]) -> RegimeShare | None:
-    """The regime to name; None where no share is clearly beyond the expected one.
+    """The regime to report; None where no share is clearly beyond the expected one.
 
     Of the sets of samples the most concentrated; instead of it a part of a spectrum that has more of the gap
     beyond what it is expected to have.

@@ -1,4 +1,4 @@
-"""Where a residual lies in its spectra: over time in bands of frequency, over position in cycles.
+"""Spectra of a residual: over time in bands of frequency, over position in cycles.
 
 Unlike a set of samples, a part of a spectrum says nothing by being large: a gap that goes with the motion
 lies where the motion does, noise is flat, and the largest of many lines is large by chance. So every part is
@@ -24,7 +24,7 @@ FREQUENCY, PERIODIC = "frequency", "period"
 SPECTRAL = (FREQUENCY, PERIODIC)
 # Hz, where bands meet.
 EDGES = (1.0, 5.0, 10.0)
-# Positions are put into so many bins a turn (or metre); lines are told apart up to a tenth of that.
+# Positions are put into so many bins a turn (or metre); lines are resolved up to a tenth of that.
 BINS, HIGHEST = 2048, 150.0
 # A period must fit so often into the joint's range, and the lines searched are this much finer than it tells.
 FEWEST_PERIODS, FINER = 2.0, 4

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 # A free function counts where it removes this share of what is left of the joint's squared residual and this
 # share of its RMS torque ...
 SMALLEST_SHARE, SMALLEST_TORQUE = 0.25, 0.015
-# ... and that is this share of what re-identification left, and of what the effects taken in explain there.
+# ... and that is this share of what re-identification left, and of what the accepted effects explain there.
 SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
 
 # What an effect of healthy size explains, this share of it, is none where it is less than this of the torque;
@@ -149,7 +149,7 @@ def _of_periods(first: Stage, last: Stage) -> Iterator[Unclaimed]:
 def with_its_period(last: Stage, item: Unclaimed) -> Unclaimed:
     """The unexplained residual with the period in position that much of it has, where no other pattern fits.
 
-    last: with all effects taken in.
+    last: with all accepted effects.
     """
     if item.regime != NOTHING or item.frequency is not None:
         return item

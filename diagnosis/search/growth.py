@@ -1,9 +1,9 @@
-"""Which effect it is: hypotheses grown one effect at a time, judged on runs that were left out.
+"""Search for the effects: hypotheses grown one effect at a time, judged on runs that were left out.
 
 At every stage each family of the catalogue is weighed against the hypothesis so far; the likeliest are
-refined and fitted jointly with everything else, and the best is taken in if it is material. What is
-material but no larger than on any healthy robot is fitted all the same, so that nothing else has to
-imitate it, but it is not named.
+refined and fitted jointly with everything else, and the best is accepted if it is material. An effect
+that is material but no larger than on any healthy robot is fitted all the same, so that nothing else has to
+imitate it, but it is not reported.
 """
 
 from collections.abc import Sequence
@@ -120,7 +120,7 @@ def _grown(
         return None
     accepted: list[Accepted] = []
     zero = _zero_of(prepared) if prepared.zeros.any() else None
-    # Beside what was taken in after it, a push is seen more clearly.
+    # With the effects accepted after it fitted, a push is seen more clearly.
     resought = False
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
         if (more := near_rest(sized, stage, weighed, ahead, soft, sought.catalogue)) is not None:
@@ -256,7 +256,7 @@ def _pruned(
             # The timing of the log makes up for all that a delay explains.
             is_late = item.named and item.candidate.is_common_delay
             kept = item.candidate.is_event or item.is_trace or is_late
-            # What was best when it was taken in is judged as such.
+            # An effect that was best when it was accepted is judged as such.
             weighed = None if gain is None else Weighed(gain, gained(stage, gain))
             keeps = kept or (weighed is not None and is_material(sized, stage, weighed, is_best=True))
             worth.append((keeps, 0.0 if weighed is None else weighed.score))

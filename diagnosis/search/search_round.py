@@ -83,7 +83,7 @@ class Search:
     ) -> Found | None:
         """The likeliest effect: a material one or a limit, else a push, else a trace of an absorbed effect.
 
-        weighed: of ``open``. free: candidates of generic.py. before: what was taken in.
+        weighed: of ``open``. free: candidates of generic.py. before: accepted effects.
         """
         most = weighed[0].score if weighed else 0.0
         # It takes longer than all else: searched for where it may matter, and once.

@@ -115,11 +115,11 @@ def _is_told_by_all_runs(stage: Stage, trial: tuple[Design, Fit]) -> bool:
 def _by_all_runs(
     listed: Sequence[Candidate], compared: Sequence[tuple[Design, Fit]], likelihoods: Sequence[float]
 ) -> list[float]:
-    """The log-likelihoods with what bends all parameters held against its like by what all runs together say.
+    """The log-likelihoods, with effects that bend all parameters compared to their like by all runs together.
 
     Its like is the same effect of another joint, and the other error of the joint's encoder. Each bends its
     own columns, and those of the wrong one otherwise: each is fitted with the runs linearised anew, and its
-    own weights. Bent parameters foretell left-out runs by chance. compared: the hypothesis with each of
+    own weights. Bent parameters predict left-out runs by chance. compared: the hypothesis with each of
     those listed.
     """
     found = list(likelihoods)
