@@ -81,7 +81,7 @@ def names_that_hold(
 
 
 def _is_all_but_its_rest(item: Accepted) -> bool:
-    """Whether it is a limit, or a ripple of a gear's teeth, that explains all but what it is not quite."""
+    """Whether it is a limit, or a ripple of gear teeth, that explains nearly all of its joint's residual."""
     shape, effect = item.candidate.member.shape, item.candidate.family.effect
     are_teeth = effect == RIPPLE and shape["cycles"] > SLOWEST_RIPPLE
     return item.share > ALL_BUT_ALL and (are_teeth or effect == SATURATION)

@@ -114,9 +114,9 @@ def accepted_as(
 
 
 def couples(sized: Robot, stage: Stage, gain: Gain) -> bool:
-    """Whether a shared drive moves either of its joints, or is all but all that is left there.
+    """Whether a shared drive moves either of its joints, or explains nearly all of a residual there.
 
-    Whatever is none does.
+    True of any other effect.
     """
     moved, share = float(stage.torque_shares(gain).max()), float(stage.shares(gain).max())
     if gain.candidate.family.effect != COUPLING or moved > LEAST_COUPLED:
@@ -127,9 +127,9 @@ def couples(sized: Robot, stage: Stage, gain: Gain) -> bool:
 
 
 def is_nearly_all_shared(sized: Robot, stage: Stage, gain: Gain) -> bool:
-    """Whether a shared drive is all but all that is left at a joint, and beyond a healthy one by the other.
+    """Whether a shared drive explains nearly all of a joint's residual and is beyond healthy by the other.
 
-    What two joints share may be little beside the friction of the first of them.
+    A coupling of two joints may be little next to the friction of the first of them.
     """
     family = gain.candidate.family
     if family.into is None or float(stage.shares(gain).max()) < NEARLY_ALL_COUPLED:
@@ -139,7 +139,7 @@ def is_nearly_all_shared(sized: Robot, stage: Stage, gain: Gain) -> bool:
 
 
 def is_how_runs_begin(prepared: Prepared, each: Candidate) -> bool:
-    """Whether a push acts as its runs begin and never after; whatever is none does not.
+    """Whether a push acts as its runs begin and never after; False for any other effect.
 
     So do brakes that are let go, and friction that held a joint before the log.
     """
@@ -158,7 +158,7 @@ def is_borne_out(name: str, share: float, shift: float) -> bool:
 
 
 def warms(stage: Stage, each: Candidate, coefficients: Array) -> bool:
-    """Whether friction that warms falls in these runs, however much it would; whatever is none does.
+    """Whether friction that warms falls enough in these runs; True of any other effect.
 
     coefficients: (2,) of its viscous and Coulomb part.
     """

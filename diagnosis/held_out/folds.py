@@ -56,7 +56,7 @@ def covered_for(stage: Stage, bank: Bank) -> Prepared:
 
 
 def _in_parts(prepared: Prepared, alone: Collection[int]) -> Prepared:
-    """The runs with some of them left out in parts; the same where none of those is left out as a whole."""
+    """The runs with some of them left out in parts; unchanged where none of those is left out as a whole."""
     parts = PARTS.get(len(prepared.runs), PARTS_OF_MANY)
     folds: list[tuple[int, slice]] = []
     for index, run in enumerate(prepared.runs):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# From this share on all is kept, and up to the rest of it nothing: that costs a hundredth of what is gained.
+# From this share on all is kept, and up to 1 - ALL nothing: that costs a hundredth of what is gained.
 ALL = 0.9
 # Pieces of runs at least, by which a share's standard error is known; fewer runs are cut in time.
 PIECES = 4

@@ -31,8 +31,8 @@ ALIKE: Mapping[str, tuple[tuple[str, ...], float, float]] = {
     SPRING: ((*FRICTION, *SPRINGS), 0.8, 15.0),
     OF_THE_LOAD: ((*FRICTION, *SPRINGS), 0.8, np.inf),
 }
-# But what its joint carries little torque beside, or its parameters take up, is one joint's where it is
-# certainly so many times a healthy one's, and so many times as far beyond as these of the other joints:
+# But an effect whose joint carries little other torque, or whose parameters absorb it, is one joint's where
+# it is certainly so many times a healthy one's, and so many times as far beyond as these of the other joints:
 # each joint's friction bends a little. What grows with the load differs from others' by its own size; what
 # falls with the speed, if no more of the others' torque is imperfect than this multiple of it, or it is far
 # more than that. Of a cable first moments leave little, but it pulls as it does.
@@ -44,10 +44,11 @@ ONE_JOINTS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[float, float, float]
     CABLE: (SPRINGS, ((1.5, 3.5, np.inf),)),
 }
 # Near rest no joint's friction is quite as modelled, and bristles fit a little of that at many joints: up to
-# this share of their joint's torque they have no name where others surely give way this share as far, with
-# this share of the torque, and whatever they are where this share of the other joints does, three at least;
-# nor, up to another share of the torque, unless Wald's statistic tells them, so many times that of any other
-# joint, or they are this share of the rest. Where samples near rest count they are so many times that share.
+# this share of their joint's torque they are not reported where others surely give way this share as far,
+# with this share of the torque, and whatever they are where this share of the other joints does, three at
+# least; nor, up to another share of the torque, unless the Wald statistic shows them, so many times that of
+# any other joint, or they are this share of the residual. Where samples near rest count they are so many
+# times that share.
 BRISTLES_OF_ALL, BRISTLES_ALIKE, BRISTLES_LEVEL, BRISTLES_MOST = 0.025, 0.5, 0.25, 0.5
 BRISTLES_HELD = 2.5
 BRISTLES_WALD, BRISTLES_ALONE, BRISTLES_SHARE, BRISTLES_TORQUE = 80.0, 10.0, 0.85, 0.015

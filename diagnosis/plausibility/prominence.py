@@ -47,21 +47,21 @@ SECOND_SHARE = 0.2
 # ... or this share of what is left there, and of its RMS torque, or the log-likelihood as a multiple of what
 # any other joint's effect gains beside it ...
 SECOND_LEFT, SECOND_TORQUE, SECOND_PROMINENT = 0.5, 0.02, 8.0
-# ... or, as no law's rest looks like it, this share of the joint's RMS torque and of what is left, by this
-# Wald's statistic ...
+# ... or, as no law's residual looks like it, this share of the joint's RMS torque and of what is left, by
+# this Wald's statistic ...
 SECOND_TOLD: Mapping[str, tuple[float, float, float]] = {
     RIPPLE: (0.04, 0.2, 100.0),
     "backlash": (0.005, 0.4, 1000.0),
 }
-# ... or this share of the torque, where it is certainly so many times beyond a healthy one: a law's rest
+# ... or this share of the torque, where it is certainly so many times beyond a healthy one: a law's residual
 # looks like springs and bristles of any size, but not like these ...
 SECOND_LITTLE, SECOND_BEYOND = 0.005, 1.5
 # ... or, of friction that its joint's parameters absorb, this share of what is left, and certainly so many
 # times a healthy joint's ...
 SECOND_SWALLOWED, SECOND_FAR_BEYOND = 0.3, 3.0
-# ... or a shift of the parameters of this log-likelihood that it spares, as no law's rest does, where it is
-# certainly beyond a healthy one; so is a gain error beside friction of these laws, whose rests are no part of
-# all torque.
+# ... or a shift of the parameters of this log-likelihood that it spares, as no law's residual does, where it
+# is certainly beyond a healthy one; so is a gain error besides friction of these laws, whose residuals are no
+# part of all torque.
 SECOND_SHIFT = 15.0
 BESIDE_GAIN = (
     "stribeck_friction",

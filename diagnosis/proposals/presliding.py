@@ -25,8 +25,8 @@ from ..model.effect_sizes import BRISTLES, times_healthy
 
 Array = NDArray[np.float64]
 
-# What they must explain of the squares that are left near rest; and what they may leave of what the stiffest
-# bristles do, and of what friction does that only keeps its direction there.
+# Share of the squared residual near rest that bristles must explain; and shares that they may leave of what
+# the stiffest bristles leave, and friction that only keeps its direction.
 EXPLAINED, OF_STIFFEST, OF_KEPT = 0.8, 0.2, 0.5
 # In so many rests and turns at least, and by so much of the joint's torque over all of the runs.
 FEWEST_RESTS, SMALLEST = 6, 0.01

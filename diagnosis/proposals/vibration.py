@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 VIBRATION = "vibration"
 # Hz: the line to either side of its middle, and how far apart the middles are.
 HALF_LINE, APART = 0.5, 0.25
-# Standard deviations that what lies beside the line must be from none, and may be from what lies in it; and
-# the share of it by which laws of all kinds may differ.
+# Standard deviations that the lag's size off the line must be from zero, and may be from that on it; and the
+# share of it by which laws of all kinds may differ.
 FROM_NONE, FROM_LINE, LIKE_LINE = 2.0, 4.0, 0.2
 # Standard deviations and the share of the line by which it is another's, a quarter of a turn from a lag's: of
 # two stages a little is, too.

@@ -36,7 +36,8 @@ AS_WELL, LITTLE_TORQUE, SMALLEST_WALD = 0.8, 0.03, 25.0
 # What is left counts without any function to follow where it is this share of the joint's RMS torque, so many
 # times the noise, and this share of what re-identification left.
 MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
-# Or less noise, where the joint in the middle of all has a sixth of it: no law's rest is one joint's alone.
+# Or less noise, where the joint in the middle of all has a sixth of it: no law's residual is at one joint
+# only.
 FAR_OUT, FAR_OUT_NOISE = 6.0, 2.0
 # So does what is this share of the joint's torque and so many times what the joint in the middle of all has
 # (or less and more times), not noise, and this share of what re-identification left: a law that is nearly the
@@ -44,7 +45,7 @@ FAR_OUT, FAR_OUT_NOISE = 6.0, 2.0
 STANDING_OUT = ((0.03, 3.0), (0.02, 4.0))
 STANDING_OUT_LEFT, SPRING_LEFT = 0.37, 0.12
 # And what is slow, where it is this share of the joint's torque: no healthy joint leaves so much but noise.
-# Half as much must be left of all runs together, or one run only tells what the others do not.
+# Half as much must be left of all runs together, or only one run shows it.
 STRUCTURE, FITTED_STRUCTURE, SLOW = 0.04, 0.02, 0.5
 # Or is not noise because some part of the motion has so many times its share of it.
 DENSE = 2.0
