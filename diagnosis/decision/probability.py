@@ -9,9 +9,8 @@ from testbench.effects.signature import Quantity
 from ..model.effect_sizes import sizes
 from .findings import Gap, NamedEffect
 
-# How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases and on
-# robots that others simulated (docs/blind.md, docs/other_robots.md): of the first one reported, and of those
-# after it.
+# How often an effect is the right one when nothing in the catalogue rivals it, counted on blind cases
+# (docs/blind.md): of the first one reported, and of those after it.
 NAMED = (0.98, 0.93)
 # Deviations are those of a model that holds. Where so many times its noise is left at a joint, it does not
 # quite, and a size within so many deviations of none may stand for what is left. Nor does one run show
