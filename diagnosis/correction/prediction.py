@@ -14,6 +14,7 @@ from identification.models import POSITION_BAND
 from recordings.checks.positions import require_plausible_motion
 from testbench.containment.json_text import read_bounded_json
 from testbench.effects import effect
+from testbench.effects.push import TIMES
 from testbench.effects.signature import Logged
 from testbench.files import require_writable
 from testbench.log import Recording, write_log
@@ -161,7 +162,9 @@ def term_torque(term: Term, logged: Logged) -> Array:
     """
     family = effect(term.effect).signature([logged], term.joint, term.into)
     shapes = [sorted(each.shape) for each in family.of_all_laws]
-    if shapes and sorted(term.shape) not in shapes:
+    # A push that every run has alike has its times in its shape; those that a run shows by itself have none.
+    own = sorted(name for name in term.shape if name not in TIMES)
+    if shapes and sorted(term.shape) not in shapes and own not in shapes:
         expected = f"the shapes {' or '.join(dict.fromkeys(', '.join(each) or 'none' for each in shapes))}"
         raise InputError(
             "diagnosis", f"correction {term.effect}", expected, ", ".join(sorted(term.shape)) or "none"

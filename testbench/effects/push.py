@@ -19,6 +19,8 @@ LINK_FORCE, WORLD_FORCE, JOINT_TORQUE, WORLD_FORCE_AT_END, KEPT_FORCE, KEPT_FORC
 AT_END, KEPT = (WORLD_FORCE_AT_END, KEPT_FORCE_AT_END), (KEPT_FORCE, KEPT_FORCE_AT_END)
 # How much longer than between its half heights a push is: one with flanks, and a bell (half a sine).
 ABRUPT, BELL = 1.0, 1.5
+# Names in the shape of a push that every run has alike, s: when it began and ended, between half heights.
+TIMES = ("first", "last")
 
 # The force rises and falls over this time, s.
 RAMP = 0.1

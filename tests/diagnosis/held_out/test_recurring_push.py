@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.correction.corrected_model import corrected_model
-from diagnosis.correction.prediction import predict_torque
+from diagnosis.correction.prediction import predict_torque, term_torque
 from diagnosis.held_out.recurring_push import recurrence
 from testbench.effects import parse_injection
 
@@ -38,6 +38,13 @@ def test_a_push_of_every_run_is_foretold_along_another(arm, law):
     # A tenth of the push, beside what accelerations of an encoder leave at any time.
     bound = np.hypot(0.1 * error(answer, pushed), error(answer, apart))
     assert error(replace(answer, recurrence=found), pushed) < bound
+    # Along a run that shows a push of its own, too.
+    (term,) = corrected_model(replace(answer, recurrence=found)).terms
+    logged = answer.prepared.runs[0].logged
+    torque = term_torque(term, logged)[:, ELBOW]
+    during = np.abs(logged.time - 2.3) < 0.2
+    assert np.sqrt(np.mean(torque[during] ** 2)) > 4.0
+    assert not torque[np.abs(logged.time - 2.3) > 0.7].any()
 
 
 def test_a_push_of_one_run_is_none_of_the_robot(arm):
