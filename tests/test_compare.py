@@ -14,8 +14,10 @@ from testbench.compare import case as cases
 from testbench.compare import runner
 from testbench.compare.compare import compare, summary
 from testbench.compare.verdict import verdict
+from testbench.log import write_log
 from testbench.robot import load_robot
 
+from .diagnosed import simulated_runs
 from .small_arm import ARM, SCENARIO
 
 ROOT = Path(__file__).parents[1]
@@ -211,6 +213,19 @@ def test_real_recordings_are_compared_by_halves(scenario, tmp_path, real_data, i
     assert len(rows) == 2
     assert all(0.1 < float(r["validation_residual"]) < 0.25 for r in rows)
     assert any("recorded robot" in line for line in found)
+
+
+def test_recordings_are_compared_by_halves(scenario, arm, tmp_path, in_this_process):
+    for name, run in simulated_runs(arm, [], runs=2).items():
+        write_log(run, tmp_path / f"{name}.h5")
+    halves = f"{tmp_path}/run_1.h5, {tmp_path}/run_2.h5"
+    path = scenario("wls")
+    recorded = f"recorded: {{model: {arm.path}, halves: [{halves}]}}"
+    path.write_text(path.read_text().replace("difference_starts: 1", recorded))
+    compare("estimators", path, tmp_path / "out")
+    rows = [r for r in _rows(tmp_path / "out" / "results.csv") if r["level"] == "recorded"]
+    assert len(rows) == 2
+    assert all(float(r["validation_residual"]) < 0.1 for r in rows)
 
 
 def test_the_committed_scenarios_name_what_exists():

@@ -59,8 +59,8 @@ class Experiment:
 
 
 def robot_of(case: Case) -> Robot:
-    """The robot of a case, read once a process."""
-    choice = scenario_of(case).choice
+    """The robot of a case, read once a process. A recorded robot is no scenario's: all that its file has."""
+    choice = scenario_of(case).choice if "scenario" in case.settings else Choice()
     packages = tuple((name, str(folder)) for name, folder in choice.packages.items())
     return _robot(case.files["model"], choice.joints, choice.fix_base, packages)
 
