@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from identification.chain import Chain
 from identification.errors import InputError
 from identification.parameters import PER_JOINT
+from testbench.chain_json import chain_document, read_chain
 from testbench.effects import effects as catalogue
 from testbench.robot import Limits, Robot
 from testbench.torque_lag import TorqueLag
@@ -23,7 +24,6 @@ from ..model.hypothesis import Design
 
 Array = NDArray[np.float64]
 
-ARRAYS = ("rotation", "translation", "gravity", "springs")
 LIMITS = ("lower", "upper", "velocity", "acceleration", "torque")
 
 
@@ -128,12 +128,7 @@ def correction_document(model: Corrected) -> dict[str, Any]:
     """The corrected model as JSON-able values; null for the limits that the model does not set."""
     chain = model.chain
     return {
-        "chain": {
-            "joint_names": list(chain.joint_names),
-            "parent": chain.parent.tolist(),
-            "is_slide": chain.is_slide.tolist(),
-            **{name: getattr(chain, name).tolist() for name in ARRAYS},
-        },
+        "chain": chain_document(chain),
         "limits": {
             name: [v if np.isfinite(v) else None for v in getattr(model.limits, name).tolist()]
             for name in LIMITS
@@ -175,15 +170,8 @@ def correction_document(model: Corrected) -> dict[str, Any]:
 def read_correction(document: Any, source: object) -> Corrected:
     """The inverse of ``correction_document``. Raises InputError, naming ``source``, for anything else."""
     try:
-        chain_part, effects = document["chain"], document["effects"]
-        # Files of earlier versions are of serial arms, and keep all that was fitted at all frequencies.
-        joints = len(chain_part["joint_names"])
-        chain = Chain(
-            joint_names=tuple(chain_part["joint_names"]),
-            parent=np.array(chain_part.get("parent", range(-1, joints - 1)), dtype=np.int64),
-            is_slide=np.array(chain_part["is_slide"], dtype=bool),
-            **{name: np.array(chain_part[name], dtype=np.float64) for name in ARRAYS},
-        )
+        # Files of earlier versions keep all that was fitted, at all frequencies.
+        chain, effects = read_chain(document["chain"]), document["effects"]
         unlimited = {"lower": -np.inf}
         limits = {
             name: [unlimited.get(name, np.inf) if v is None else v for v in document["limits"][name]]
@@ -247,18 +235,9 @@ def _kept(document: Any, joints: int) -> Kept:
 def _shapes(model: Corrected) -> Iterator[tuple[str, Array, tuple[int, ...]]]:
     """Arrays of a corrected model that must be finite, by name, and the shapes that they must have."""
     n = model.chain.joints
-    chain = {
-        "rotation": (n, 3, 3),
-        "translation": (n, 3),
-        "gravity": (3,),
-        "springs": (n, 4),
-    }
-    for name, shape in chain.items():
-        yield name, getattr(model.chain, name), shape
     for name in ("parameters", "effects"):
         yield f"kept {name}", getattr(model.kept, name), (n,)
     yield "band", model.band, (n,)
-    yield "is_slide", model.chain.is_slide.astype(np.float64), (n,)
     for name in LIMITS:
         yield name, np.nan_to_num(getattr(model.limits, name), posinf=0.0, neginf=0.0), (n,)
     for name in ("nominal", "parameters", "final", "linearised"):

@@ -12,6 +12,7 @@ from identification.chain import Chain
 from identification.errors import InputError
 from identification.output_error.plant import COLUMNS, LIMIT, WIDTH
 
+from ..chain_json import chain_document, read_chain
 from ..containment.json_text import read_bounded_json
 from ..files import require_file
 from ..model_reading.limits import Limits
@@ -21,7 +22,6 @@ from .identified import IdentifiedDrives
 Array = NDArray[np.float64]
 
 DOCUMENT, FORMAT, VERSION = "estimate.json", "drive-estimate", 1
-ARRAYS = ("rotation", "translation", "gravity", "springs")
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Errors:
 
 @dataclass(frozen=True)
 class ReadDrives:
-    """What predicting needs of an estimate. given, identified: tables (n, WIDTH). kp, kd: (n,) as stated."""
+    """An estimate as predicting needs it. given, identified: tables (n, WIDTH). kp, kd: (n,) as stated."""
 
     chain: Chain
     limits: Limits
@@ -56,7 +56,7 @@ def drives_document(
     remarks: Sequence[str],
     differing: Sequence[Difference],
 ) -> dict[str, Any]:
-    """What estimate.json holds, as plain JSON types; what is not known, or infinite, is null."""
+    """The estimate as plain JSON types; null for values that are infinite or not known."""
     chain, servo = found.robot.chain, found.servo
     return {
         "format": FORMAT,
@@ -112,12 +112,7 @@ def drives_document(
             "columns": list(COLUMNS),
             "given": _table(found.given),
             "identified": _table(found.identified),
-            "chain": {
-                "joint_names": list(chain.joint_names),
-                "is_slide": chain.is_slide.tolist(),
-                "parent": chain.parent.tolist(),
-                **{name: getattr(chain, name).tolist() for name in ARRAYS},
-            },
+            "chain": chain_document(chain),
         },
         "units": "SI at the joint",
     }
@@ -145,13 +140,7 @@ def read_drives(directory: Path) -> ReadDrives:
         plant, drive = document["plant"], document["drive"]
         if document["format"] != FORMAT or plant["columns"] != list(COLUMNS):
             raise ValueError(f"{document['format']} with {len(plant['columns'])} columns")
-        part = plant["chain"]
-        chain = Chain(
-            joint_names=tuple(part["joint_names"]),
-            parent=np.array(part["parent"], dtype=np.int64),
-            is_slide=np.array(part["is_slide"], dtype=bool),
-            **{name: np.array(part[name], dtype=np.float64) for name in ARRAYS},
-        )
+        chain = read_chain(plant["chain"])
         n = chain.joints
         given, identified = (
             np.array(
@@ -168,10 +157,6 @@ def read_drives(directory: Path) -> ReadDrives:
                 finite = np.delete(each, LIMIT, axis=1) if name == "plant" else each
                 if each.shape != expected[name] or not np.isfinite(finite).all():
                     raise ValueError(f"{name} of shape {each.shape}, or not finite")
-        shapes_of_chain = ((n, 3, 3), (n, 3), (3,), (n, 4))
-        for name, shape in zip(ARRAYS, shapes_of_chain, strict=True):
-            if getattr(chain, name).shape != shape or not np.isfinite(getattr(chain, name)).all():
-                raise ValueError(f"{name} of shape {getattr(chain, name).shape}, or not finite")
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
         expected_text = "drives as identify writes them"
         raise InputError(path, "plant", expected_text, f"{type(error).__name__}: {error}") from None
