@@ -41,18 +41,30 @@ def accelerate(
         for j in range(n):
             mass[i, j] = torques[j, i] - torques[n, i]
         out[i] = tau[i] - torques[n, i] - coulomb[i] * friction_direction(dq[i], dead_zone[i])
+    if not factorise(mass, mass):
+        return False
+    solve(mass, out)
+    return True
+
+
+@kernel
+def factorise(matrix: Array, factor: Array) -> bool:
+    """Cholesky factor of a symmetric matrix (n, n) into the lower triangle of ``factor``, which may be it.
+
+    False where the matrix is not positive definite.
+    """
+    n = matrix.shape[0]
     for j in range(n):
         for i in range(j, n):
-            entry = mass[i, j]
+            entry = matrix[i, j]
             for c in range(j):
-                entry -= mass[i, c] * mass[j, c]
+                entry -= factor[i, c] * factor[j, c]
             if i == j:
                 if not entry > 0.0:
                     return False
-                mass[j, j] = np.sqrt(entry)
+                factor[j, j] = np.sqrt(entry)
             else:
-                mass[i, j] = entry / mass[j, j]
-    _solve(mass, out)
+                factor[i, j] = entry / factor[j, j]
     return True
 
 
@@ -63,7 +75,7 @@ def friction_direction(velocity: float, dead_zone: float) -> float:
 
 
 @kernel
-def _solve(factor: Array, x: Array) -> None:
+def solve(factor: Array, x: Array) -> None:
     """x <- (L L')^-1 x in place, L the lower triangle of ``factor``."""
     n = x.size
     for i in range(n):
@@ -82,7 +94,7 @@ def invert(factor: Array, out: Array) -> None:
     out[:] = 0.0
     for j in range(out.shape[0]):
         out[j, j] = 1.0
-        _solve(factor, out[j])
+        solve(factor, out[j])
 
 
 @kernel

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain import Chain
+from ..forward_dynamics import factorise, solve
 from ..inverse_dynamics import _inverse_dynamics
 from ..kinematics import kernel
 from ..parameters import PER_JOINT
@@ -231,28 +232,12 @@ def _step(
             rhs[i] += mass[i, j] * v[j]
     for i in range(n):
         mass[i, i] += 0.5 * h * (damping[i] + table[i, 11])
-    for j in range(n):
-        for i in range(j, n):
-            entry = mass[i, j]
-            for c in range(j):
-                entry -= factor[i, c] * factor[j, c]
-            if i == j:
-                if not entry > 0.0:
-                    return False
-                factor[j, j] = np.sqrt(entry)
-            else:
-                factor[i, j] = entry / factor[j, j]
+    if not factorise(mass, factor):
+        return False
     # With the friction of the step before: exact where nothing stops or starts.
     for i in range(n):
         new[i] = rhs[i] - share[i] * h * level[i]
-    for i in range(n):
-        for c in range(i):
-            new[i] -= factor[i, c] * new[c]
-        new[i] /= factor[i, i]
-    for i in range(n - 1, -1, -1):
-        for c in range(i + 1, n):
-            new[i] -= factor[c, i] * new[c]
-        new[i] /= factor[i, i]
+    solve(factor, new)
     # Coordinate descent on 1/2 new' M new - rhs' new + sum h level |new|, which is convex.
     for _ in range(SWEEPS):
         moved = 0.0
