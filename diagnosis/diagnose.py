@@ -72,18 +72,16 @@ def diagnose(
     again = recurrence(*final)
     model = corrected_by(only[1], final, again, everything(robot.joints))
     barred = barring(log_findings)
-    kept, supported, left = _kept(
-        only, final, left_at_rest(prepared, model), _torque(prepared), barred is None
-    )
+    torque, sines = _torque(prepared), one_sine(prepared)
+    kept, supported, left = _kept(only, final, left_at_rest(prepared, model), torque, barred is None)
     only, gap = (only[0], replace(only[1], held_out=left[1])), _gap(prepared, final[0], left)
     fitted_gap = rms(final[1].residual, final[0])
-    torque = _torque(prepared)
     accepted, unmet = names_that_hold(found.accepted, gap, fitted_gap, torque)
     told = {each.joint for each in (*found.unknown, *unmet)}
     untold = [each for each in closed_without_a_name(accepted, gap, torque) if each.joint not in told]
     accepted, bursts = pushes_that_hold(accepted, gap)
     found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold, *bursts))
-    found = _without_doubtful(found, supported)
+    found = _without_doubtful(found, supported, sines)
     if (alone := _hardly_seen(found)).any() and kept.effects[alone].any():
         # What other joints' motion would make of them was never seen.
         seen = np.where(alone, 0.0, kept.effects)
@@ -127,7 +125,7 @@ def diagnose(
         everywhere=tuple(
             (a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.is_everywhere
         ),
-        one_sine=one_sine(prepared),
+        one_sine=sines,
         differences=differences,
         log_findings=log_findings,
     )
@@ -143,10 +141,12 @@ def _hardly_seen(found: Attribution) -> NDArray[np.bool_]:
     return alone
 
 
-def _without_doubtful(found: Attribution, supported: NDArray[np.bool_]) -> Attribution:
-    """The attribution with effects no longer reported if left-out runs, a bound or their deviation say so."""
+def _without_doubtful(found: Attribution, supported: NDArray[np.bool_], sines: frozenset[int]) -> Attribution:
+    """The attribution with effects no longer reported if left-out runs, a bound or their deviation say so.
+
+    supported: (n,) of ``with_support``. sines: the joints that follow one sine.
+    """
     accepted = list(with_support(found.accepted, supported))
-    sines = one_sine(found.prepared)
     by_sines = bool(sines) and sines | found.prepared.still >= set(range(found.prepared.joints))
     for index, item in enumerate(accepted):
         if not item.named:

@@ -15,7 +15,7 @@ from testbench.torque_lag import TorqueLag
 from ..data.preparation import Run
 from ..decision.findings import Diagnosis
 from .corrected_model import Corrected, corrected_model
-from .prediction import AT_REST, torque_along
+from .prediction import as_predicted, torque_along
 
 Array = NDArray[np.float64]
 
@@ -57,14 +57,7 @@ def file_error(diagnosis: Diagnosis, path: Path) -> FileError:
 
 def _of_laws(model: Corrected, run: Run) -> tuple[Array, Array]:
     """Torque (N, n) along a run by the model as given, and by what is kept of the diagnosis's laws."""
-    logged = replace(
-        run.logged,
-        parameters=model.linearised,
-        carried=None,
-        beside=None,
-        coulomb_smoothing=np.maximum(model.coulomb_smoothing, AT_REST),
-    )
-    logged = replace(logged, tau=logged.predicted)
+    logged = as_predicted(model, replace(run.logged, carried=None, beside=None))
     given, parameters, effects = torque_along(model, logged)
     known = replace(logged, parameters=model.nominal).predicted
     return given, model.kept.of_torque(known, parameters, effects)[1]

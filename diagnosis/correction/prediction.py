@@ -14,7 +14,6 @@ from identification.models import POSITION_BAND
 from recordings.checks.positions import require_plausible_motion
 from testbench.containment.json_text import read_bounded_json
 from testbench.effects import effect
-from testbench.effects.push import TIMES
 from testbench.effects.signature import Logged
 from testbench.files import require_writable
 from testbench.log import Recording, write_log
@@ -162,9 +161,8 @@ def term_torque(term: Term, logged: Logged) -> Array:
     """
     family = effect(term.effect).signature([logged], term.joint, term.into)
     shapes = [sorted(each.shape) for each in family.of_all_laws]
-    # A push that every run has alike has its times in its shape; those that a run shows by itself have none.
-    own = sorted(name for name in term.shape if name not in TIMES)
-    if shapes and sorted(term.shape) not in shapes and own not in shapes:
+    shapes += [sorted([*each.shape, *family.made_with]) for each in family.members]
+    if shapes and sorted(term.shape) not in shapes:
         expected = f"the shapes {' or '.join(dict.fromkeys(', '.join(each) or 'none' for each in shapes))}"
         raise InputError(
             "diagnosis", f"correction {term.effect}", expected, ", ".join(sorted(term.shape)) or "none"
@@ -177,6 +175,16 @@ def term_torque(term: Term, logged: Logged) -> Array:
     if term.effect not in FAST:
         return torque
     return zero_phase_lowpass(torque, logged.sample_rate, logged.cutoff)
+
+
+def as_predicted(model: Corrected, logged: Logged) -> Logged:
+    """A run that was fitted, its Coulomb friction near rest as predictions have it, at the linearisation."""
+    logged = replace(
+        logged,
+        parameters=model.linearised,
+        coulomb_smoothing=np.maximum(model.coulomb_smoothing, AT_REST),
+    )
+    return replace(logged, tau=logged.predicted)
 
 
 def logged_motion(model: Corrected, recording: Recording) -> Logged:

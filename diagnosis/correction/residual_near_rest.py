@@ -1,7 +1,6 @@
 """Residuals of the models at samples near rest, which no fit uses but predictions include."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +9,7 @@ from identification.springs import spring_torque
 
 from ..data.preparation import Prepared
 from .corrected_model import Corrected
-from .prediction import AT_REST, torque_along
+from .prediction import as_predicted, torque_along
 
 Array = NDArray[np.float64]
 
@@ -27,12 +26,7 @@ def left_at_rest(prepared: Prepared, model: Corrected) -> tuple[tuple[Array, ...
 
 def _of_run(prepared: Prepared, index: int, model: Corrected) -> Sequence[Array]:
     run = prepared.runs[index]
-    logged = replace(
-        run.logged,
-        parameters=model.linearised,
-        coulomb_smoothing=np.maximum(model.coulomb_smoothing, AT_REST),
-    )
-    logged = replace(logged, tau=logged.predicted)
+    logged = as_predicted(model, run.logged)
     near_rest = run.whole & ~run.used & prepared.moved[index]
     joints, springs = range(prepared.joints), spring_torque(prepared.robot.chain.springs, run.logged.q)
     return [

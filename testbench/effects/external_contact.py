@@ -33,6 +33,7 @@ from .push import (
     LINK_FORCE,
     RAMP,
     SMOOTHING,
+    TIMES,
     WORLD_FORCE,
     WORLD_FORCE_AT_END,
     push_torques_of,
@@ -141,6 +142,7 @@ def pushes(runs: Sequence[Logged], joint: int, when: Sequence[list[tuple[int, in
         members=members if any(when) else (),
         parameters=partial(_parameters, runs, joint, when),
         member=partial(recurring_push, runs, joint),
+        made_with=TIMES,
     )
 
 
@@ -153,7 +155,7 @@ def recurring_push(runs: Sequence[Logged], joint: int, shape: Mapping[str, float
     rows, count = push_torques_of(runs[0], joint, slice(0, 1), kind, stretch).shape[1:]
     found: list[tuple[Window, ...]] = []
     for run in runs:
-        first, last = (round(shape[end] * run.sample_rate) for end in ("first", "last"))
+        first, last = (round(shape[end] * run.sample_rate) for end in TIMES)
         part = widened(run, (first, last), stretch)
         found.append(())
         if part.start < part.stop:

@@ -160,7 +160,7 @@ class Family:
     parameters: (member, c (k,), covariance (k + s, k + s)) to the contract's parameters; the covariance
     is of the coefficients and then of the s refined shapes, in the order of ``refine``.
     refine: continuous shapes and the range they may be searched in; a member without them has none.
-    member: the member at any such shape.
+    member: the member at any such shape. made_with: names in a shape that ``member`` takes beside a member's.
     swallowed: re-identification takes most of it up, so look for it in the parameters' shift. picked_from:
     how many shapes its members were picked from by what the runs look like; 0 where they are all there is.
     richer: members by laws that have a member's own in them, and more.
@@ -172,6 +172,7 @@ class Family:
     parameters: Callable[[Member, Array, Array], dict[str, Quantity]]
     refine: dict[str, tuple[float, float]] = field(default_factory=dict)
     member: Callable[[Mapping[str, float]], Member] | None = None
+    made_with: tuple[str, ...] = ()
     into: int | None = None
     swallowed: bool = False
     picked_from: int = 0
