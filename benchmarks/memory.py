@@ -34,7 +34,7 @@ SPEED, NOISE, COUNT = 0.25, 0.01, 2 * np.pi / 2**19
 
 @dataclass(frozen=True)
 class Case:
-    """What is identified or diagnosed. command: of the two. ten: a robot of ten joints, not of six."""
+    """Logs and the command that reads them. ten: a robot of ten joints, not of six."""
 
     what: str
     command: str

@@ -21,7 +21,7 @@ from .model_reading.reading import Choice
 from .report import write_report
 from .results import IdentificationResult
 from .robot import Robot, load_robot, print_notes
-from .runs import by_path, logged_joints, read_runs, run_names
+from .runs import by_path, read_runs, run_names
 from .sampling import motion
 from .summary import print_summary
 
@@ -35,18 +35,19 @@ def identify_logs(
     identified_model: Path | None = None,
     map_path: Path | None = None,
     choice: Choice | None = None,
+    joint_names: Sequence[str] | None = None,
 ) -> IdentificationResult:
     """Identify the logs, write DIR/estimate.json and DIR/report.html, print the summary.
 
     identified_model: MJCF to write with the nearest physically consistent parameters. map_path: how
-    recordings that are no robot-logs are read. choice: of the model; the logs' joints are the robot's where
-    it names none. Raises InputError.
+    recordings that are no robot-logs are read. choice: of the model; joint_names, of the first log, are the
+    robot's where it names none. Raises InputError.
     """
     paths = [*logs, *validation_logs]
     require_writable(out / "estimate.json")
     if identified_model is not None:
         require_writable(identified_model, model, *paths)
-    robot = load_robot(model, choice, logged_joints(paths[0], map_path))
+    robot = load_robot(model, choice, joint_names)
     print_notes(robot)
     runs = read_runs(paths, robot, map_path)
     findings = require_sound(robot, dict(zip(run_names(paths), runs, strict=True)), paths)

@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 FORMAT, VERSION, VERSION_OF_DRIVES = "robot-log", 1, 1.1
 # Where a recording's provenance keeps, in sentences, what was written otherwise but understood.
 UNDERSTOOD = "understood"
-CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", "position_servo", "unknown")
+POSITION_SERVO = "position_servo"
+CONTROLLER_KINDS = ("pd", "pd_with_model_feedforward", POSITION_SERVO, "unknown")
 # Median sample interval against sample_rate: clocks of real robots jitter, but not on the whole.
 RATE_TOLERANCE = 0.01
 # Nothing is measured as more, in any unit; squares of it are no number.
@@ -123,10 +124,16 @@ class Recording:
         return not bool(np.isnan(self.torque).all())
 
     @property
+    def servo(self) -> Controller | None:
+        """The position servos that drove the robot; None where something else did, or nothing says."""
+        is_servo = self.controller is not None and self.controller.kind == POSITION_SERVO
+        return self.controller if is_servo else None
+
+    @property
     def has_drive(self) -> bool:
         """Whether the log says what the drives did by other than torque, as version 1.1 does."""
-        servo = self.controller is not None and self.controller.kind == "position_servo"
-        return servo or self.drive is not None or any(getattr(self, name) is not None for name in SIGNALS)
+        stated = self.servo is not None or self.drive is not None
+        return stated or any(getattr(self, name) is not None for name in SIGNALS)
 
 
 def with_channels(recording: Recording, time: Array, change: Callable[[str, Array], Array]) -> Recording:
@@ -316,7 +323,7 @@ class _Reader(CheckedFile):
 
     def _says_what_drives_did(self) -> bool:
         """Whether something stands in the place of torque."""
-        servo = self.has("controller") and self.text(self.group("controller"), "kind") == "position_servo"
+        servo = self.has("controller") and self.text(self.group("controller"), "kind") == POSITION_SERVO
         return servo or self.has("drive") or any(self.has(f"joint/{name}") for name in SIGNALS)
 
     def _joint_names(self) -> tuple[str, ...]:
@@ -367,7 +374,7 @@ class _Reader(CheckedFile):
         smoothing = self.number(group, "coulomb_smoothing") if needs_smoothing else None
         delay = self.number(group, "delay") if "delay" in group.attrs else None
         # What nothing is known of, and a servo of its own, may have no rate either; it is not used.
-        if kind in ("unknown", "position_servo") and "rate" not in group.attrs:
+        if kind in ("unknown", POSITION_SERVO) and "rate" not in group.attrs:
             rate = self.number(self.file, "sample_rate")
         else:
             rate = self.number(group, "rate")

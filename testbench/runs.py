@@ -1,7 +1,7 @@
 """The logs that one job is given, in any format: each the robot's, with torque in it, and no run twice."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +41,27 @@ def read_runs(paths: Sequence[Path], robot: Robot, map_path: Path | None = None)
     for line in lines:
         print(line)
     return recordings
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """A log as it is before its robot is known. joint_names: None where it cannot be read.
+
+    servo: whether it has no torque, and says that position servos drove it.
+    """
+
+    joint_names: tuple[str, ...] | None
+    servo: bool
+
+
+def first_look(path: Path, map_path: Path | None = None) -> FirstLook:
+    """The joints that a recording names, and whether it is one of position servos without torque."""
+    try:
+        recording = Door(None, map_path).log(path).recording
+    except InputError:
+        # Torque that is wrong does not keep its joints from being read.
+        return FirstLook(logged_joints(path, map_path), False)
+    return FirstLook(recording.joint_names, recording.servo is not None and not recording.has_torque)
 
 
 def logged_joints(path: Path, map_path: Path | None = None) -> tuple[str, ...] | None:

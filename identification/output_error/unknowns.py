@@ -1,4 +1,4 @@
-"""What is unknown of a limb and its drives: how it enters the table, and how far it is known beforehand."""
+"""Unknowns of a limb and its drives: how each enters the table of a robot, and its prior."""
 
 from dataclasses import dataclass
 
@@ -64,7 +64,7 @@ class Unknowns:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known of the drives beforehand, (n,) each.
+    """Prior of the drives, (n,) each.
 
     gain_spread: relative standard deviation of kp and of kd. delay_lower, delay_upper: s. limit_spread:
     relative, of the torque limit; 0 where it is exact, or never reached. torque_scale, speed_scale: N·m and

@@ -184,14 +184,14 @@ def identify(
     from identification.pipeline import IdentificationOptions
 
     from ..containment.folder import results_folder
-    from ..drives.reading import measures_no_torque
     from ..identify import identify_logs
+    from ..runs import first_look
 
     groups = tuple(GROUPS) if parameters is None else tuple(parameters)
     preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
     options = IdentificationOptions(estimator, groups, preprocessing, strict, own_bands=True)
-    stated = drives.stated()
-    if stated is not None or measures_no_torque(logs[0], map):
+    stated, look = drives.stated(), first_look(logs[0], map)
+    if stated is not None or look.servo:
         from ..drives.job import identify_servo_logs
 
         if options != IdentificationOptions("wls", tuple(GROUPS), Preprocessing(), False, own_bands=True):
@@ -212,10 +212,13 @@ def identify(
                 write_model,
                 map,
                 chosen.choice(),
+                look.joint_names,
             )
         return
     if fit_share != 1 or effect:
         option = "--effect" if effect else "--fit-share"
         raise InputError("testbench", option, "logs without torque, or --drive", "logs with torque")
     with results_folder(out, ("estimate.json", "report.html")):
-        identify_logs(model, logs, validate or [], out, options, write_model, map, chosen.choice())
+        identify_logs(
+            model, logs, validate or [], out, options, write_model, map, chosen.choice(), look.joint_names
+        )

@@ -53,7 +53,7 @@ Model = Annotated[Path, Parameter(help="MJCF or URDF")]
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Chosen:
-    """What of the model is the robot."""
+    """Which part of the model is the robot."""
 
     joints: Annotated[
         str | None,
@@ -114,7 +114,8 @@ class Drives:
 
     def stated(self) -> Any:
         """The ``drives.stated.StatedDrive`` of these options, None where none is given. Raises InputError."""
-        from ..drives.stated import SERVO, read_stated, stated_by_options
+        from ..drives.stated import read_stated, stated_by_options
+        from ..log import POSITION_SERVO
 
         options = {
             "kp": _one_or_all(self.kp),
@@ -127,9 +128,11 @@ class Drives:
         given = any(value is not None for value in options.values())
         if self.drive is None:
             if given:
-                raise InputError("testbench", "--drive", f"{SERVO} with the options of a drive", "none")
+                raise InputError(
+                    "testbench", "--drive", f"{POSITION_SERVO} with the options of a drive", "none"
+                )
             return None
-        if self.drive == SERVO:
+        if self.drive == POSITION_SERVO:
             return stated_by_options(**options)
         if given:
             expected = "a drive's figures in its file or as options"

@@ -57,7 +57,7 @@ def results_folder(out: Path, written: Sequence[str], resumes: bool = False) -> 
 
 
 def _digest(path: Path) -> bytes | None:
-    """What tells a file's content from another; None of a folder, which a command that resumes adds to."""
+    """A digest of a file's content; None of a folder, which a command that resumes adds to."""
     if not path.is_file():
         return None
     with path.open("rb") as file:

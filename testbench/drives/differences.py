@@ -55,7 +55,7 @@ class Difference:
 
 
 def differences(found: IdentifiedDrives, runs: Sequence[ServoRun]) -> tuple[Difference, ...]:
-    """What differs, the best evidence first, judged by runs that were not fitted where there are such.
+    """The figures that differ, the best evidence first, judged by held-out runs where there are such.
 
     A figure is left out where it lies within three deviations of what was stated, or the runs lose less than
     three units of log-likelihood without it (a Bayes factor of 20).

@@ -133,7 +133,7 @@ def identify_drives(
 def _knowledge(
     robot: Robot, limb: Limb, servo: Servo, runs: Sequence[ServoRun], effects: tuple[str, ...]
 ) -> Knowledge:
-    """What is known of a limb's drives, and typical of its runs."""
+    """The prior of a limb's drives, and the sizes that are typical of its runs."""
     joints = limb.joints
     squares, speeds, poses, samples = np.zeros(len(joints)), np.zeros(len(joints)), [], 0
     reached = np.zeros(len(joints), dtype=bool)

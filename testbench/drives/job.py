@@ -16,14 +16,14 @@ from ..files import require_writable, write_json
 from ..log import Recording, check_joints, in_model_order, write_log
 from ..model_reading.reading import Choice
 from ..robot import load_robot, print_notes
-from ..runs import logged_joints, read_motion
+from ..runs import read_motion
 from ..terminal import console
 from .corrected import write_corrected
 from .differences import differences
 from .document import DOCUMENT, Errors, ReadDrives, drives_document, read_drives
 from .identified import IdentifiedDrives, identify_drives, position_rms, simulated, split
-from .reading import ServoLog, read_servo_logs, servo_log
-from .stated import SERVO, StatedDrive
+from .reading import ServoLog, read_servo_logs, rms, servo_log
+from .stated import StatedDrive
 from .words import errors_table, print_drives, remarks_on
 
 Array = NDArray[np.float64]
@@ -43,12 +43,14 @@ def identify_servo_logs(
     identified_model: Path | None = None,
     map_path: Path | None = None,
     choice: Choice | None = None,
+    joint_names: Sequence[str] | None = None,
 ) -> IdentifiedDrives:
     """Identify the drives of logs without torque, write DIR/estimate.json, print the summary.
 
     fit_share: of each log that is fitted; the rest of it judges, beside the validation logs.
     effects: that every joint may have beside viscous and Coulomb friction.
-    identified_model: MJCF to write, with position servos. Raises InputError.
+    identified_model: MJCF to write, with position servos. joint_names: those of the first log, where known.
+    Raises InputError.
     """
     if not 0 < fit_share <= 1:
         raise InputError("testbench", "--fit-share", "above 0, and 1 at most", fit_share)
@@ -59,7 +61,7 @@ def identify_servo_logs(
     require_writable(out / DOCUMENT)
     if identified_model is not None:
         require_writable(identified_model, model, *paths)
-    robot = load_robot(model, choice, logged_joints(paths[0], map_path))
+    robot = load_robot(model, choice, joint_names)
     print_notes(robot)
     read = read_servo_logs(paths, robot, stated, map_path)
     fitted, judged = _divided(read[: len(logs)], fit_share)
@@ -108,7 +110,7 @@ def predict_position(
     read = _read_for(drives, log, stated, map_path)
     parts = limbs(drives.chain)
     given, identified = (simulated(parts, table, read.run) for table in (drives.given, drives.identified))
-    errors = Errors("", *(_rms(each.position - read.run.position) for each in (given, identified)))
+    errors = Errors("", *(rms(each.position - read.run.position) for each in (given, identified)))
     repeated = None
     if repeat is not None:
         other = _read_for(drives, repeat, stated, map_path).run
@@ -116,7 +118,7 @@ def predict_position(
             other.command, read.run.command, atol=SAME_COMMAND
         ):
             raise InputError(repeat, "reference/position", f"the command of {log}", "another command")
-        repeated = _rms(other.position - read.run.position)
+        repeated = rms(other.position - read.run.position)
     recording = read.recording
     written = Recording(
         robot=recording.robot,
@@ -144,11 +146,6 @@ def _read_for(drives: ReadDrives, log: Path, stated: StatedDrive | None, map_pat
     recording = in_model_order(read_motion(log, drives.chain, drives.limits, map_path), drives.joint_names)
     check_joints(recording, drives.joint_names, log)
     require_plausible_motion(recording, drives.chain, drives.limits, log)
-    controller = recording.controller
-    if stated is None and (controller is None or controller.kind != SERVO):
+    if stated is None and recording.servo is None:
         stated = StatedDrive(kp=tuple(drives.kp.tolist()), kd=tuple(drives.kd.tolist()))
     return servo_log(log, recording, log.stem, drives, stated)
-
-
-def _rms(errors: Array) -> Array:
-    return np.asarray(np.sqrt(np.mean(errors**2, axis=0)))

@@ -21,7 +21,7 @@ from ..lost_samples import lost_samples, mended
 from ..robot import Robot
 from ..runs import run_names
 from ..sampling import on_grid
-from .stated import SERVO, Jointed, Servo, StatedDrive, servo_of
+from .stated import Jointed, Servo, StatedDrive, servo_of
 
 Array = NDArray[np.float64]
 
@@ -39,17 +39,6 @@ class ServoLog:
     recording: Recording
     run: ServoRun
     servo: Servo
-
-
-def measures_no_torque(path: Path, map_path: Path | None = None) -> bool:
-    """Whether a log has no torque and says that position servos drove it; False where it cannot be read."""
-    try:
-        recording = Door(None, map_path).log(path).recording
-    except InputError:
-        return False
-    return (
-        not recording.has_torque and recording.controller is not None and recording.controller.kind == SERVO
-    )
 
 
 def read_servo_logs(
@@ -108,9 +97,9 @@ def _require_plausible_gains(logs: Sequence[ServoLog], robot: Robot) -> None:
     for log in logs:
         position, velocity = log.run.smoothed
         acceleration = central_difference(velocity, log.run.rate)
-        needed = _rms(inverse_dynamics(robot.chain, robot.parameters, position, velocity, acceleration, 0.01))
+        needed = rms(inverse_dynamics(robot.chain, robot.parameters, position, velocity, acceleration, 0.01))
         law = log.run.kp * (log.run.command - position) - log.run.kd * velocity
-        given = _rms(np.clip(law, -log.servo.limit, log.servo.limit))
+        given = rms(np.clip(law, -log.servo.limit, log.servo.limit))
         for joint, name in enumerate(robot.joint_names):
             ratio = given[joint] / max(needed[joint], 1e-12)
             if ratio > IMPLAUSIBLE or ratio < 1 / IMPLAUSIBLE:
@@ -123,5 +112,6 @@ def _require_plausible_gains(logs: Sequence[ServoLog], robot: Robot) -> None:
                 raise InputError(log.path, "kp", expected, got)
 
 
-def _rms(values: Array) -> Array:
+def rms(values: Array) -> Array:
+    """Root mean square (n,) over the samples of values (N, n)."""
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

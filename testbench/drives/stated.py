@@ -1,4 +1,4 @@
-"""What a user states of position servos: by options, by a small YAML file, or in the log itself."""
+"""Position servos as a user states them: by options, by a small YAML file, or in the log itself."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,10 +18,9 @@ from ..yaml_file import read_fields
 
 Array = NDArray[np.float64]
 
-SERVO = "position_servo"
 # Relative standard deviation of gains that are stated without one.
 GAIN_SPREAD = 0.1
-# s, in which the delay is sought where nothing is said of it.
+# s, the range of the delay where none is stated.
 LONGEST_DELAY = 0.1
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -105,9 +104,8 @@ class Servo:
 def servo_of(
     stated: StatedDrive | None, recording: Recording, name: str, robot: Jointed, path: Path
 ) -> Servo:
-    """What is stated, else what the log says. Raises InputError where neither has gains."""
-    controller = recording.controller
-    logged = controller if controller is not None and controller.kind == SERVO else None
+    """The servos as stated, else as the log says. Raises InputError where neither has gains."""
+    logged = recording.servo
     stated = stated or StatedDrive()
     gains = {}
     for gain in ("kp", "kd"):
