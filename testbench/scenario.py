@@ -192,7 +192,7 @@ class Scenario(_Section):
 
     @property
     def choice(self) -> Choice:
-        """What of the model is the robot."""
+        """Which part of the model is the robot."""
         return Choice(self.joints, self.fix_base, self.packages)
 
 

@@ -1,6 +1,7 @@
 """A logged run of position servos, and the windows in which it is simulated."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -36,7 +37,7 @@ class ServoRun:
         position, command = (np.ascontiguousarray(each[:, joints]) for each in (self.position, self.command))
         return ServoRun(self.name, position, command, self.rate, self.kp[joints], self.kd[joints])
 
-    @property
+    @cached_property
     def smoothed(self) -> tuple[Array, Array]:
         """Position and velocity (N, n), low-passed without a lag."""
         cutoff = min(SMOOTHING, SMOOTHING_SHARE * self.rate)

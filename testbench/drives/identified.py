@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,7 @@ class IdentifiedDrives:
     limbs: tuple[Limb, ...]
     fits: tuple[Fit, ...]
 
-    @property
+    @cached_property
     def figures(self) -> tuple[Figure, ...]:
         """Every joint's figures, by name and then by joint."""
         found = [
