@@ -23,7 +23,7 @@ from testbench.model_file import write_model
 from testbench.robot import Robot, load_robot
 
 from ..decision.findings import Diagnosis, NamedEffect
-from ..fit.normal_equations import Fit
+from ..fit.normal_equations import Fit, fitted_to, standard_values
 from ..model.candidates import Candidate
 from ..model.hypothesis import Design
 from ..plausibility.accepted import COUPLING
@@ -128,14 +128,37 @@ def reidentified_simulator(diagnosis: Diagnosis) -> Simulator:
 
 
 def corrected_simulator(diagnosis: Diagnosis) -> Simulator:
-    """The model with the reported effects and the parameters fitted with them; re-identified without any."""
+    """The model with the reported effects and the parameters that go with them; re-identified without any."""
     model, kept = corrected_model(diagnosis), diagnosis.kept
     if not diagnosis.effects or kept.effects_whole == 0:
         return reidentified_simulator(diagnosis)
+    by = _by_reported(diagnosis)
+    with_effects = standard_values(diagnosis.prepared, by[1].values)
     parameters = model.nominal + kept.parameters_whole * (model.parameters - model.nominal)
-    standard = parameters + kept.effects_whole * (model.final - parameters)
+    standard = parameters + kept.effects_whole * (with_effects - parameters)
     named = tuple(injection_of(_shrunk(diagnosis, each)) for each in diagnosis.effects)
-    return _simulator(diagnosis.robot, _beside(standard, named), diagnosis.final, named)
+    return _simulator(diagnosis.robot, _beside(standard, named), by, named)
+
+
+def _by_reported(diagnosis: Diagnosis) -> tuple[Design, Fit]:
+    """The fit whose parameters go with the reported effects alone.
+
+    Where more was fitted than is reported, parameters are fitted again to what the reported effects leave:
+    those of the whole fit make up for laws that the file lacks.
+    """
+    hypothesis, fitted = diagnosis.final
+    reported = [each.candidate for each in diagnosis.effects]
+    fits = list(zip(hypothesis.accepted, hypothesis.parts, strict=True))
+    kept = [(each, part) for each, part in fits if _is_one_of(each, reported)]
+    if len(kept) == len(fits):
+        return diagnosis.final
+    runs = [
+        replace(
+            run, torque=run.torque - sum(each.columns[index] @ fitted.values[part] for each, part in kept)
+        )
+        for index, run in enumerate(diagnosis.prepared.runs)
+    ]
+    return fitted_to(replace(diagnosis.prepared, runs=tuple(runs)), [])
 
 
 def _simulator(

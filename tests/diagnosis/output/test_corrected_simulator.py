@@ -63,6 +63,25 @@ def test_the_error_of_the_file_is_said_beside_that_of_the_laws(answer: Diagnosis
     assert error.laws[LIFT] < error.file[LIFT] < 0.6 * error.given[LIFT]
 
 
+def test_parameters_of_the_file_go_with_the_effects_that_it_has(robot: Robot, tmp_path: Path) -> None:
+    """A spring that is fitted and not reported leaves its joint's weight to the parameters again."""
+    wanted = [
+        injection(robot, "stribeck_friction", "turn", {"extra": 6.0, "velocity": 0.1}),
+        injection(robot, "gravity_spring", "lift", {"stiffness": 30.0, "phase": 0.3}),
+    ]
+    runs = simulated_runs(robot, wanted, 2)
+    places = [("stribeck_friction", 0, None), ("gravity_spring", LIFT, None)]
+    both = diagnosed(robot, runs, places)
+    one = replace(both, effects=both.effects[:1])
+    reported = {each.effect for each in one.effects}
+    assert reported == {"stribeck_friction"}
+    error = write_corrected(one, tmp_path / "corrected.xml").error
+    refitted = diagnosed(robot, runs, places[:1])
+    same = write_corrected(refitted, tmp_path / "refitted.xml").error
+    np.testing.assert_allclose(error.file, same.file, rtol=0.05)
+    assert error.file[LIFT] < 0.5 * error.given[LIFT]
+
+
 def test_a_coupling_is_not_counted_twice(robot: Robot) -> None:
     """Each joint's own speed is in its viscous friction already, as far as the fit goes."""
     law = {"viscous": 3.0, "coulomb": 4.0}
