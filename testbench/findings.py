@@ -13,7 +13,8 @@ from .results import IdentificationResult
 
 Array = NDArray[np.float64]
 
-# A validation error up to this many times the noise floor is called "at the noise floor".
+# A validation error up to this many times the noise floor is called "at the noise floor"; one up to so many
+# times the fit's, in N·m, is no larger.
 AT_NOISE_FLOOR = 1.2
 # A validation error this many times the fit's says that the runs tell too little.
 OVERFIT = 1.5
@@ -121,13 +122,20 @@ def within(result: IdentificationResult, deviations: float) -> int | None:
     return int(np.sum(np.abs(result.comparison.error) <= deviations * result.estimate.std))
 
 
+def _predicts_far_worse(fit: TorqueError, validation: TorqueError) -> bool:
+    """Whether the error on other runs is far larger, and so not only because these have less torque."""
+    known = np.isfinite(fit.rms) & np.isfinite(validation.rms)
+    larger = np.linalg.norm(validation.rms[known]) > AT_NOISE_FLOOR * np.linalg.norm(fit.rms[known])
+    return bool(larger) and validation.overall > OVERFIT * fit.overall
+
+
 def headline(result: IdentificationResult) -> str:
     """The result in one or two sentences."""
     fit, validation = torque_error(result.fits), torque_error(result.validations)
     count = len(result.fits)
     given = torque_error(result.given[count:] or result.given[:count])
     parts = []
-    if fit is not None and validation is not None and validation.overall > OVERFIT * fit.overall:
+    if fit is not None and validation is not None and _predicts_far_worse(fit, validation):
         parts.append("These runs tell too little: the fit is far better than what it predicts of other runs")
     if validation is not None:
         parts.append(

@@ -161,6 +161,15 @@ def test_pooled_error_is_that_of_the_joined_runs(result: IdentificationResult) -
     assert error.overall == pytest.approx(NOISE, rel=0.06)
 
 
+def test_a_run_of_less_torque_is_not_predicted_worse_for_that(result: IdentificationResult) -> None:
+    (fit,) = result.fits
+    residual = fit.measured - fit.predicted
+    quiet = replace(fit, measured=0.4 * fit.measured, predicted=0.4 * fit.measured - residual)
+    worse = replace(fit, predicted=fit.measured - 3 * residual)
+    assert "tell too little" not in headline(replace(result, validations=(quiet,)))
+    assert "tell too little" in headline(replace(result, validations=(worse,)))
+
+
 def test_headline_compares_with_noise_and_truth(result: IdentificationResult) -> None:
     ratio = noise_ratio(result)
     assert ratio is not None
