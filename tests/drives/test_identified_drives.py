@@ -33,6 +33,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+@pytest.fixture(autouse=True)
+def own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stand in a folder that no other test writes to."""
+    monkeypatch.chdir(tmp_path)
+
+
 def test_delay_armature_and_friction_are_found_within_their_deviations(folder: Path) -> None:
     document = json.loads((folder / "found" / "estimate.json").read_text())
     checked = 0
