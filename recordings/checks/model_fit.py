@@ -124,16 +124,21 @@ class ModelFit:
         return Explained(evidence, left, self.robot.parameters + self.widths * z, bent)
 
     def _regressed(self, convention: Convention) -> "_Products":
-        """The products that a fit needs, of the joints that count."""
+        """The products that a fit needs, of the joints that count.
+
+        A column of torques counts where the positions of its own name move, whatever the convention: one
+        that chose its samples could leave out what speaks against it.
+        """
         chain, read = chain_of(self.robot.chain, convention), read_by(self.samples, convention)
         rows = regressor(chain, read.q, read.dq, read.ddq, threads=1)
         model = rows @ self.robot.parameters + spring_torque(chain.springs, read.q)
-        power = np.sum(np.where(read.moves, read.torque, 0.0) ** 2, axis=0)
-        joints = np.flatnonzero((read.moves.sum(axis=0) >= FEWEST) & (power > 0))
+        moves = self.samples.moves[:, list(convention.torque_order)]
+        power = np.sum(np.where(moves, read.torque, 0.0) ** 2, axis=0)
+        joints = np.flatnonzero((moves.sum(axis=0) >= FEWEST) & (power > 0))
         grams, torque_products, model_products = [], [], []
         figures = np.zeros((4, len(joints)))
         for index, joint in enumerate(joints.tolist()):
-            used = read.moves[:, joint]
+            used = moves[:, joint]
             x, torque, own = rows[used, joint] * self.widths, read.torque[used, joint], model[used, joint]
             grams.append(x.T @ x)
             torque_products.append(x.T @ torque)
