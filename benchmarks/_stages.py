@@ -39,9 +39,9 @@ def main() -> None:
     def steps() -> Iterator[StageClock]:
         yield clock
 
-    testbench.run.steps = steps  # type: ignore[assignment]  # a clock in the display's place
+    testbench.jobs.run.steps = steps  # type: ignore[assignment]  # a clock in the display's place
     with contextlib.redirect_stdout(sys.stderr):
-        testbench.run.run_scenario(scenario, out)
+        testbench.jobs.run.run_scenario(scenario, out)
     print(json.dumps(clock.seconds))
 
 

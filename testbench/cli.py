@@ -28,6 +28,7 @@ from cyclopts import (
 from identification.errors import InputError
 
 from . import standard_streams
+from .blas import keep_blas_single
 from .commands import blind, effects, study
 from .commands.check import check
 from .commands.comparison import compare, list_names, view
@@ -66,6 +67,7 @@ NUMBERS: dict[type | None, str] = {int: "a whole number", float: "a number"}
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the program and exit with its code."""
+    keep_blas_single()
     gc.set_threshold(OBJECTS_PER_SEARCH)
     standard_streams.prepare()
     # What Rerun complains of is told in our words, in one line.

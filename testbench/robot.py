@@ -15,6 +15,7 @@ from identification.errors import InputError
 from .containment.child import contained
 from .containment.model import EXPECTED, require_readable, require_sound_model
 from .files import require_file
+from .html_table import html_table
 from .model_reading.limits import Limits, model_limits
 from .model_reading.reading import Choice, Source, read_model
 from .unmodelled_forces import unmodelled_forces
@@ -71,6 +72,14 @@ class Robot:
     def units(self) -> tuple[str, ...]:
         """Unit of each joint's torque: N·m for a hinge, N for a slide."""
         return tuple("N" if slide else "N·m" for slide in self.chain.is_slide)
+
+    def _repr_html_(self) -> str:
+        """Each joint's limits."""
+        limits = self.limits
+        shown = (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.torque)
+        rows = zip(self.joint_names, *(each.tolist() for each in shown), self.units(), strict=True)
+        headings = ("joint", "from, rad (m)", "to", "speed, rad/s", "acceleration, rad/s²", "torque", "unit")
+        return html_table(headings, rows, (f"{self.name}: {self.described}",))
 
 
 def load_robot(path: str | Path, choice: Choice | None = None, logged: Sequence[str] | None = None) -> Robot:

@@ -44,6 +44,6 @@ def list_names(*, json: Annotated[bool, Parameter(help="for machines", negative=
 
 def view(directory: Annotated[Path, Parameter(help="folder that run has written")], /) -> None:
     """Open a recorded Rerun session."""
-    from ..view import view as open_session
+    from ..jobs.view import view as open_session
 
     open_session(directory)
