@@ -31,7 +31,7 @@ from . import standard_streams
 from .blas import keep_blas_single
 from .commands import blind, effects, study
 from .commands.check import check
-from .commands.comparison import compare, list_names, view
+from .commands.comparison import compare, list_names, scenarios, view
 from .commands.diagnosis import diagnose, loop, predict
 from .commands.identification import excite, identify, run, simulate
 from .commands.recordings import import_recordings
@@ -46,7 +46,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-for command in (run, excite, simulate, check, identify, diagnose, predict, loop, compare, view):
+for command in (run, excite, simulate, check, identify, diagnose, predict, loop, compare, scenarios, view):
     app.command(command)
 app.command(import_recordings, name="import")
 app.command(list_names, name="list")
@@ -60,7 +60,7 @@ OBJECTS_PER_SEARCH = 50_000
 atexit.register(gc.freeze)
 
 # What reads no logs and no models.
-WITHOUT_FILES, HELP = {"list", "view", "--version"}, {"--help", "-h"}
+WITHOUT_FILES, HELP = {"list", "scenarios", "view", "--version"}, {"--help", "-h"}
 # What an option wants that is not a word.
 NUMBERS: dict[type | None, str] = {int: "a whole number", float: "a number"}
 

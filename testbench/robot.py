@@ -18,6 +18,7 @@ from .files import require_file
 from .html_table import html_table
 from .model_reading.limits import Limits, model_limits
 from .model_reading.reading import Choice, Source, read_model
+from .shipped import shipped
 from .unmodelled_forces import unmodelled_forces
 
 Array = NDArray[np.float64]
@@ -93,9 +94,10 @@ def load_robot(path: str | Path, choice: Choice | None = None, logged: Sequence[
     of a motor on the joint), rated speeds from a URDF's ``<limit velocity>``. What neither format has a
     field for comes from ``<custom><numeric name="velocity_limit" data="..."/>`` and ``acceleration_limit``,
     rad/s and rad/s², one value a joint. Forces that identification does not know are left out of a corrected
-    simulator, with a note; any other model that has some is refused. Raises InputError.
+    simulator, with a note; any other model that has some is refused. A model that is not there may be one of
+    those shipped. Raises InputError.
     """
-    path = Path(path)
+    path = shipped(path)
     require_file(path, "model", "an existing MJCF or URDF file")
     source = Source(path, choice or Choice(), None if logged is None else tuple(logged))
     if path.suffix == ".xacro":

@@ -42,6 +42,15 @@ def list_names(*, json: Annotated[bool, Parameter(help="for machines", negative=
     print_catalogue(json)
 
 
+def scenarios(
+    *, out: Annotated[Path, Parameter(help="folder that gets scenarios/ and models/")] = Path()
+) -> None:
+    """Copy the scenarios and models that come with the program, to read and to change."""
+    from ..shipped import copy_shipped
+
+    copy_shipped(out)
+
+
 def view(directory: Annotated[Path, Parameter(help="folder that run has written")], /) -> None:
     """Open a recorded Rerun session."""
     from ..jobs.view import view as open_session
