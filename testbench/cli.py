@@ -31,7 +31,7 @@ from . import standard_streams
 from .blas import keep_blas_single
 from .commands import blind, effects, study
 from .commands.check import check
-from .commands.comparison import compare, list_names, scenarios, view
+from .commands.comparison import compare, list_names, parity, scenarios, view
 from .commands.diagnosis import diagnose, loop, predict
 from .commands.identification import excite, identify, run, simulate
 from .commands.recordings import import_recordings
@@ -46,7 +46,20 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-for command in (run, excite, simulate, check, identify, diagnose, predict, loop, compare, scenarios, view):
+for command in (
+    run,
+    excite,
+    simulate,
+    check,
+    identify,
+    diagnose,
+    predict,
+    loop,
+    compare,
+    parity,
+    scenarios,
+    view,
+):
     app.command(command)
 app.command(import_recordings, name="import")
 app.command(list_names, name="list")

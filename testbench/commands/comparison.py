@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Processes, ScenarioSeed
+from .options import AS_LOGGED, Chosen, Model, Processes, ScenarioSeed
 
 
 def compare(
@@ -40,6 +40,13 @@ def list_names(*, json: Annotated[bool, Parameter(help="for machines", negative=
     from ..catalogue import print_catalogue
 
     print_catalogue(json)
+
+
+def parity(*, model: Model, chosen: Chosen = AS_LOGGED) -> None:
+    """Hold our torques and MuJoCo's on a model against Pinocchio's; needs the extra "parity"."""
+    from ..jobs.parity import parity_of_model
+
+    parity_of_model(model, chosen.choice())
 
 
 def scenarios(
