@@ -15,7 +15,8 @@ from .small_arm import ARM
 LINK = """<link name="{0}"><inertial><origin xyz=".1 .02 .03" rpy=".1 .2 .3"/><mass value="2"/>
   <inertia ixx=".02" iyy=".03" izz=".04" ixy=".001" ixz=".002" iyz="-.001"/></inertial></link>"""
 JOINT = """<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/>
-  <origin xyz=".1 .2 .3" rpy=".4 .5 .6"/><axis xyz="0 .6 .8"/><limit lower=".2" upper="1" effort="50" velocity="2"/>
+  <origin xyz=".1 .2 .3" rpy=".4 .5 .6"/><axis xyz="0 .6 .8"/>
+  <limit lower=".2" upper="1" effort="50" velocity="2"/>
   <dynamics damping=".5" friction=".3"/></joint>"""
 # Two branches, a slide, and a joint that turns freely.
 TREE = (
