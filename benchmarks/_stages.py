@@ -30,7 +30,7 @@ class StageClock:
 def main() -> None:
     """Arguments: the scenario file and the folder for its results."""
     scenario, out = map(Path, sys.argv[1:])
-    import testbench.run
+    import testbench.jobs.run
 
     clock = StageClock()
     clock.seconds["import"] = time.perf_counter() - BEGAN
