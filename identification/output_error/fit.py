@@ -39,7 +39,8 @@ class Fit:
     """Values (m,) of the unknowns and their covariance (m, m).
 
     residual_std, inflation: (n,) rad, and its factor by autocorrelation. effective_samples: (n,).
-    data: (m, m), information of the runs alone. iterations: of Levenberg-Marquardt.
+    information: (n, m, m) of the runs alone, by the joint whose position tells it, in the prior's units.
+    iterations: of Levenberg-Marquardt.
     """
 
     unknowns: Unknowns
@@ -48,7 +49,7 @@ class Fit:
     residual_std: Array
     inflation: Array
     effective_samples: Array
-    data: Array
+    information: Array
     iterations: int
 
     @property
@@ -63,14 +64,22 @@ class Fit:
 
 
 def fit(
-    chain: Chain, unknown: Unknowns, runs: Sequence[ServoRun], start: Array, threads: int | None = None
+    chain: Chain,
+    unknown: Unknowns,
+    runs: Sequence[ServoRun],
+    start: Array,
+    threads: int | None = None,
+    reweightings: int = REWEIGHTINGS,
 ) -> Fit:
-    """The fit of a limb's runs from a start (m,). All runs are sampled at one rate, or each at its own."""
-    problem = _Problem(chain, unknown, runs, threads)
+    """The fit of a limb's runs from a start (m,). All runs are sampled at one rate, or each at its own.
+
+    reweightings: how often the residual's weights are taken anew, at most.
+    """
+    problem = Problem(chain, unknown, runs, threads)
     values = problem.simulatable(unknown.held(start))
     weights = problem.weights(values)
     iterations = 0
-    for _ in range(REWEIGHTINGS):
+    for _ in range(reweightings):
         values, taken = _minimised(problem, values, weights)
         iterations += taken
         before, weights = weights, problem.weights(values)
@@ -78,7 +87,7 @@ def fit(
             break
     information, _, _ = problem.linearised(values, weights)
     scale = unknown.deviation
-    covariance = np.linalg.inv(information + np.eye(unknown.count)) * np.outer(scale, scale)
+    covariance = np.linalg.inv(information.sum(axis=0) + np.eye(unknown.count)) * np.outer(scale, scale)
     residuals = problem.residuals(values)
     std, inflation = _spread(residuals)
     return Fit(
@@ -88,12 +97,12 @@ def fit(
         residual_std=std,
         inflation=inflation,
         effective_samples=sum(len(each) for each in residuals) / inflation,
-        data=information / np.outer(scale, scale),
+        information=information,
         iterations=iterations,
     )
 
 
-class _Problem:
+class Problem:
     """Simulations of a limb's windows, and what follows from them; unknowns in units of their prior."""
 
     def __init__(self, chain: Chain, unknown: Unknowns, runs: Sequence[ServoRun], threads: int | None):
@@ -110,8 +119,7 @@ class _Problem:
                 together.append(window)
             self._groups.append((run, together))
 
-    def _batch(self, run: ServoRun, own: Sequence[Window], values: Array) -> list[list[Simulated]]:
-        tables = self.unknown.table(values)
+    def _batch(self, run: ServoRun, own: Sequence[Window], tables: Array) -> list[list[Simulated]]:
         return simulate(self._chain, tables, own, run.rate, self._threads)
 
     def _errors(self, run: ServoRun, own: Sequence[Window], simulated: Sequence[Simulated]) -> list[Array]:
@@ -126,7 +134,7 @@ class _Problem:
         return [
             error
             for run, own in self._groups
-            for error in self._errors(run, own, self._batch(run, own, values[None])[0])
+            for error in self._errors(run, own, self._batch(run, own, self.unknown.table(values[None]))[0])
         ]
 
     def simulatable(self, values: Array) -> Array:
@@ -151,30 +159,67 @@ class _Problem:
         scaled = (values - self.unknown.mean) / self.unknown.deviation
         total = 0.5 * np.sum(scaled**2, axis=1)
         for run, own in self._groups:
-            for index, simulated in enumerate(self._batch(run, own, values)):
+            for index, simulated in enumerate(self._batch(run, own, self.unknown.table(values))):
                 for error in self._errors(run, own, simulated):
                     total[index] += 0.5 * float(np.sum((error * weights) ** 2))
         return np.where(np.isfinite(total), total, np.inf)
 
     def linearised(self, values: Array, weights: Array) -> tuple[Array, Array, float]:
-        """Information (m, m) and gradient (m,) of the runs and their half squares, in the prior's units."""
+        """Information (n, m, m), gradient (m,) of the runs and their half squares, in the prior's units."""
+        m = self.unknown.count
+        information = np.zeros((self._chain.joints, m, m))
+        gradient, total = np.zeros(m), 0.0
+        for run, own in self._groups:
+            for rows, base in self._sensitivities(run, own, values, weights):
+                # By joint: (n, M, m).
+                by_joint = np.moveaxis(rows, 1, 0)
+                information += np.swapaxes(by_joint, 1, 2) @ by_joint
+                gradient += rows.reshape(-1, m).T @ base.ravel()
+                total += 0.5 * float(np.sum(base**2))
+        return information, gradient, total
+
+    def _sensitivities(
+        self, run: ServoRun, own: Sequence[Window], values: Array, weights: Array
+    ) -> list[tuple[Array, Array]]:
+        """Derivatives (M, n, m) by the unknowns, in the prior's units, and errors (M, n); both weighted."""
         unknown, m = self.unknown, self.unknown.count
         # A step goes where there is room.
         towards = np.where(values + DIFFERENCE * unknown.deviation > unknown.upper, -1.0, 1.0)
         moved = values + np.vstack([np.zeros(m), np.diag(towards * DIFFERENCE * unknown.deviation)])
-        information, gradient, total = np.zeros((m, m)), np.zeros(m), 0.0
+        errors = [self._errors(run, own, each) for each in self._batch(run, own, unknown.table(moved))]
+        out = []
+        for index, base in enumerate(errors[0]):
+            rows = np.stack([each[index] - base for each in errors[1:]], axis=-1)
+            rows = rows * (weights[:, None] * towards / DIFFERENCE)
+            # A difference of a candidate that ran away tells nothing.
+            out.append((np.where(np.isfinite(rows), rows, 0.0), base * weights))
+        return out
+
+    def profile(self, values: Array, weights: Array, tables: Array) -> tuple[Array, Array]:
+        """Cost (C,) of other tables (C, n, WIDTH), and the values (C, m) of the unknowns that lower it most.
+
+        The unknowns move linearly about ``values`` (m,), in whose neighbourhood the tables are; infinite
+        where a table runs away.
+        """
+        unknown, m = self.unknown, self.unknown.count
+        scaled = (values - unknown.mean) / unknown.deviation
+        matrix, slopes = np.eye(m), np.tile(scaled, (len(tables), 1))
+        costs = np.full(len(tables), 0.5 * float(scaled @ scaled))
         for run, own in self._groups:
-            errors = [self._errors(run, own, each) for each in self._batch(run, own, moved)]
-            for index, base in enumerate(errors[0]):
-                rows = np.stack([each[index] - base for each in errors[1:]], axis=-1)
-                rows = (rows * (weights[:, None] * towards / DIFFERENCE)).reshape(-1, m)
-                # A difference of a candidate that ran away tells nothing.
-                rows = np.where(np.isfinite(rows), rows, 0.0)
-                weighted = (base * weights).ravel()
-                information += rows.T @ rows
-                gradient += rows.T @ weighted
-                total += 0.5 * float(weighted @ weighted)
-        return information, gradient, total
+            parts = self._sensitivities(run, own, values, weights)
+            for rows, _ in parts:
+                matrix += rows.reshape(-1, m).T @ rows.reshape(-1, m)
+            for first in range(0, len(tables), m + 1):
+                batch = self._batch(run, own, tables[first : first + m + 1])
+                for place, simulated in enumerate(batch, start=first):
+                    for (rows, _), error in zip(parts, self._errors(run, own, simulated), strict=True):
+                        weighted = (error * weights).ravel()
+                        costs[place] += 0.5 * float(weighted @ weighted)
+                        if np.isfinite(costs[place]):
+                            slopes[place] += rows.reshape(-1, m).T @ weighted
+        steps = -np.linalg.solve(matrix, slopes.T).T
+        costs += 0.5 * np.sum(slopes * steps, axis=1)
+        return np.where(np.isfinite(costs), costs, np.inf), unknown.held(values + steps * unknown.deviation)
 
 
 def _spread(residuals: Sequence[Array]) -> tuple[Array, Array]:
@@ -186,14 +231,14 @@ def _spread(residuals: Sequence[Array]) -> tuple[Array, Array]:
     return np.sqrt(variance), inflation
 
 
-def _minimised(problem: _Problem, values: Array, weights: Array) -> tuple[Array, int]:
+def _minimised(problem: Problem, values: Array, weights: Array) -> tuple[Array, int]:
     """Levenberg-Marquardt from values (m,), within the bounds; the values and how many iterations it took."""
     unknown, damping = problem.unknown, DAMPING
     for iteration in range(1, ITERATIONS + 1):
         information, gradient, total = problem.linearised(values, weights)
         scaled = (values - unknown.mean) / unknown.deviation
         cost = total + 0.5 * float(scaled @ scaled)
-        matrix, slope = information + np.eye(unknown.count), gradient + scaled
+        matrix, slope = information.sum(axis=0) + np.eye(unknown.count), gradient + scaled
         # What lies on a bound and is pushed beyond it stays there.
         pushed = ((values <= unknown.lower) & (slope > 0)) | ((values >= unknown.upper) & (slope < 0))
         free = np.flatnonzero(~pushed)
