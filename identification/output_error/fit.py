@@ -195,16 +195,17 @@ class Problem:
             out.append((np.where(np.isfinite(rows), rows, 0.0), base * weights))
         return out
 
-    def profile(self, values: Array, weights: Array, tables: Array) -> tuple[Array, Array]:
+    def profile(
+        self, values: Array, weights: Array, starts: Array, tables: Array
+    ) -> tuple[Array, Array]:
         """Cost (C,) of other tables (C, n, WIDTH), and the values (C, m) of the unknowns that lower it most.
 
-        The unknowns move linearly about ``values`` (m,), in whose neighbourhood the tables are; infinite
-        where a table runs away.
+        starts: (C, m), of the unknowns in each table. Position moves with them as it does at ``values`` (m,).
+        The cost is infinite where a table runs away.
         """
         unknown, m = self.unknown, self.unknown.count
-        scaled = (values - unknown.mean) / unknown.deviation
-        matrix, slopes = np.eye(m), np.tile(scaled, (len(tables), 1))
-        costs = np.full(len(tables), 0.5 * float(scaled @ scaled))
+        slopes = (starts - unknown.mean) / unknown.deviation
+        matrix, costs = np.eye(m), 0.5 * np.sum(slopes**2, axis=1)
         for run, own in self._groups:
             parts = self._sensitivities(run, own, values, weights)
             for rows, _ in parts:
@@ -219,7 +220,7 @@ class Problem:
                             slopes[place] += rows.reshape(-1, m).T @ weighted
         steps = -np.linalg.solve(matrix, slopes.T).T
         costs += 0.5 * np.sum(slopes * steps, axis=1)
-        return np.where(np.isfinite(costs), costs, np.inf), unknown.held(values + steps * unknown.deviation)
+        return np.where(np.isfinite(costs), costs, np.inf), unknown.held(starts + steps * unknown.deviation)
 
 
 def _spread(residuals: Sequence[Array]) -> tuple[Array, Array]:

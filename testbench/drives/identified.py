@@ -125,13 +125,13 @@ def identify_drives(
     parts, fits, identified = limbs(robot.chain), [], given.copy()
     for limb in parts:
         own = [run.of(limb.joints) for run in runs]
-        unknown = unknowns(limb.chain, given[limb.joints], _knowledge(robot, limb, servo, own, effects))
+        unknown = unknowns(limb.chain, given[limb.joints], knowledge(robot, limb, servo, own, effects))
         fits.append(fit(limb.chain, unknown, own, regression_start(limb.chain, unknown, own)))
         identified[limb.joints] = consistent(fits[-1].table)
     return IdentifiedDrives(robot, servo, given, identified, parts, tuple(fits))
 
 
-def _knowledge(
+def knowledge(
     robot: Robot, limb: Limb, servo: Servo, runs: Sequence[ServoRun], effects: tuple[str, ...]
 ) -> Knowledge:
     """The prior of a limb's drives, and the sizes that are typical of its runs."""
