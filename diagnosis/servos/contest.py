@@ -128,6 +128,3 @@ def _of_steps(
         unknown = with_effect(base, place, sizes, size)
         own = fit(limb.chain, unknown, runs, starts[index], threads, 1)
     return Fitted(place, own, size, OF_GRID * size)
-
-
-

@@ -195,9 +195,7 @@ class Problem:
             out.append((np.where(np.isfinite(rows), rows, 0.0), base * weights))
         return out
 
-    def profile(
-        self, values: Array, weights: Array, starts: Array, tables: Array
-    ) -> tuple[Array, Array]:
+    def profile(self, values: Array, weights: Array, starts: Array, tables: Array) -> tuple[Array, Array]:
         """Cost (C,) of other tables (C, n, WIDTH), and the values (C, m) of the unknowns that lower it most.
 
         starts: (C, m), of the unknowns in each table. Position moves with them as it does at ``values`` (m,).

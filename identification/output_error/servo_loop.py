@@ -259,7 +259,20 @@ def _simulate(
                     ):
                         return
                 elif not _step_with_play(
-                    mass, factor, offset, damping, table, torques[n], level, h, v, new, rhs, share, drive, play
+                    mass,
+                    factor,
+                    offset,
+                    damping,
+                    table,
+                    torques[n],
+                    level,
+                    h,
+                    v,
+                    new,
+                    rhs,
+                    share,
+                    drive,
+                    play,
                 ):
                     return
                 for j in range(n):

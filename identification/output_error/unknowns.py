@@ -58,7 +58,13 @@ class Unknowns:
         return np.flatnonzero(np.array(self.names) == name)
 
     def extended(
-        self, name: str, unit: str, joint: int, direction: Array, deviation: float, bounds: tuple[float, float]
+        self,
+        name: str,
+        unit: str,
+        joint: int,
+        direction: Array,
+        deviation: float,
+        bounds: tuple[float, float],
     ) -> "Unknowns":
         """These unknowns and one more, of mean 0, that moves the table along a direction (n, WIDTH)."""
         return Unknowns(
@@ -114,9 +120,7 @@ def unknowns(chain: Chain, table: Array, known: Knowledge) -> Unknowns:
         table = table.copy()
         table[:, STRIBECK_VELOCITY] = STRIBECK_SHARE * known.speed_scale
     build = Builder(table)
-    for direction in inertial_directions(
-        chain, table, known.torque_scale, known.speed_scale, known.inertia
-    ):
+    for direction in inertial_directions(chain, table, known.torque_scale, known.speed_scale, known.inertia):
         build.add("inertia", "-", -1, direction, 0.0, 1.0)
     for joint in range(chain.joints):
         own = table[joint]
