@@ -63,9 +63,9 @@ class Experiment:
 class ServoDiagnosis:
     """The diagnosis of a robot without measured torque.
 
-    found: the corrected robot. runs: names. verdict: none, parameters, effect or unknown. effects, candidates:
-    likeliest first. given, parameters, corrected, noise: (n,) rad (m) RMS on halves that were not fitted: by
-    the model as given, re-identified, with the effects, and what the encoders' quanta leave.
+    found: the corrected robot. runs: names. verdict: none, parameters, effect or unknown. effects and
+    candidates: likeliest first. given, parameters, corrected, noise: (n,) rad (m) RMS on halves that were not
+    fitted: by the model as given, re-identified, with the effects, and what the encoders' quanta leave.
     unknown: probability that something acts which is not in the catalogue, of the limb where it is highest.
     """
 
@@ -85,7 +85,7 @@ class ServoDiagnosis:
 
     @property
     def closed(self) -> float | None:
-        """Share of what re-identification leaves above the noise that the effects take away; None for none."""
+        """Share that effects take of what re-identification leaves above the noise; None for no effect."""
         room = float(np.sum(self.parameters) - np.sum(self.noise))
         if not self.effects or room <= 0:
             return None

@@ -31,8 +31,8 @@ WRITTEN = ("corrected.xml", "diagnosis.json", ESTIMATE, "report.html")
 IN_ORDER = 0.03
 # Effects that MJCF's servo and joint have a field for.
 IN_MJCF = (
-    "armature", "command_delay", "coulomb_friction", "damping_gain_error", "gain_error", "torque_constant_error",
-    "torque_limit", "viscous_friction",
+    "armature", "command_delay", "coulomb_friction", "damping_gain_error", "gain_error",
+    "torque_constant_error", "torque_limit", "viscous_friction",
 )  # fmt: skip
 
 

@@ -41,9 +41,9 @@ def sentence(diagnosis: ServoDiagnosis) -> str:
     )
     which = f"; likeliest: {likely}" if likely else ""
     return (
-        f"At {worst.joint} lies {worst.share:.0%} of the squared position error that re-identification leaves "
-        f"({parameters} {halves}, {given} as given), and no effect of the catalogue explains it surely enough"
-        f"{which}."
+        f"At {worst.joint} lies {worst.share:.0%} of the squared position error that re-identification "
+        f"leaves ({parameters} {halves}, {given} as given), and no effect of the catalogue explains it surely "
+        f"enough{which}."
     )
 
 
@@ -64,9 +64,7 @@ def labelled(effect: str, joint: str | None) -> str:
 
 def notes(diagnosis: ServoDiagnosis) -> tuple[str, ...]:
     """What is to be said beside."""
-    alike = (
-        "Position alone determines ratios of gains, inertia and friction; their scale is that of the model."
-    )
+    alike = "Position alone determines ratios of gains, inertia and friction; their scale is the model's."
     return (alike, *diagnosis.notes)
 
 
@@ -83,18 +81,16 @@ def print_servo_summary(diagnosis: ServoDiagnosis) -> None:
         if each.confusable_with:
             others = ", ".join(drive_effects()[name].title.lower() for name in each.confusable_with)
             lines.append(_line("open", f"these runs hardly tell it from {others}"))
-    others = [
-        f"{labelled(each.effect, each.joint)} ({each.probability:.0%})"
-        for each in diagnosis.candidates[:MOST]
-    ]
-    if others:
-        lines.append(_line("not", "; ".join(others)))
+    listed = diagnosis.candidates[:MOST]
+    if listed:
+        weighed = [f"{labelled(each.effect, each.joint)} ({each.probability:.0%})" for each in listed]
+        lines.append(_line("not", "; ".join(weighed)))
     figures = (diagnosis.given, diagnosis.parameters, diagnosis.corrected, diagnosis.noise)
     given, parameters, corrected, noise = (significant(1e3 * _pooled(each), 3) for each in figures)
     lines.append(
         _line(
             "gap",
-            f"{given} given → {parameters} re-identified → {corrected} with effects; noise {noise} mrad",
+            f"{given} given → {parameters} re-identified → {corrected} with effects, noise {noise}; mrad",
         )
     )
     if diagnosis.experiment is not None:

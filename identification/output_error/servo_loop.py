@@ -317,8 +317,9 @@ def _step_with_play(
     drive: NDArray[np.int64],
     play: Array,
 ) -> bool:
-    """The step where motors have coordinates of their own, ``drive``, and touch their links at the play's ends.
+    """The step where motors have coordinates of their own and touch their links at the ends of a play.
 
+    drive: (n,) coordinate of each motor; that of its link where there is no play.
     (M + h/2 D) new = M v + h (u - bias) - h/2 D v + J' p: impulses p of friction, at most h level, against
     the motors' velocities, and of contact, which keep each play within half its gap. Solved for p by
     projected Gauss-Seidel. False where M is not positive definite.

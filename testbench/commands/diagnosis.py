@@ -62,9 +62,8 @@ def diagnose(
 
         if cutoff is not None or payload:
             option = "--payload" if payload else "--cutoff"
-            raise InputError(
-                "testbench", option, "logs with torque", "a loop that is simulated, which has none"
-            )
+            expected, got = "logs with torque", "a loop that is simulated, which has none"
+            raise InputError("testbench", option, expected, got)
         with results_folder(out, WRITTEN_OF_SERVOS):
             found = diagnose_servo_logs(
                 model, logs, out, stated, without or (), jobs, map, chosen.choice(), look.joint_names
