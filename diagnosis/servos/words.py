@@ -42,8 +42,8 @@ def sentence(diagnosis: ServoDiagnosis) -> str:
     which = f"; likeliest: {likely}" if likely else ""
     return (
         f"At {worst.joint} lies {worst.share:.0%} of the squared position error that re-identification "
-        f"leaves ({parameters} {halves}, {given} as given), and no effect of the catalogue explains it surely "
-        f"enough{which}."
+        f"leaves ({parameters} {halves}, {given} as given), and no effect of the catalogue explains it "
+        f"surely enough{which}."
     )
 
 
