@@ -16,7 +16,7 @@ from testbench.drives.stated import LONGEST_DELAY, Servo
 from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
-from .contest import ACCEPTED, Round, contest
+from .contest import ACCEPTED, Contest, Round
 from .evidence import Weighed
 from .findings import Experiment, ServoCandidate, ServoDiagnosis, ServoFault, ServoShare
 from .healthy import healthy_unknowns
@@ -114,7 +114,7 @@ def _of_limb(
     unknown = healthy_unknowns(limb.chain, table, known, rate, is_stated)
     base = fit(limb.chain, unknown, own, regression_start(limb.chain, unknown, own), threads)
     sizes = sizes_of(own, known, servo.limit[limb.joints])
-    rounds = contest(limb, base, own, sizes, without, threads)
+    rounds = Contest(limb, own, sizes, without, threads).rounds(base)
     stated = [each.verdicts.faults[0] for each in rounds[:-1]]
     final = rounds[-1].base.fit
     hypotheses = [base, final] if stated else [base]

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.output_error.fit import Fit, fit
+from identification.output_error.fit import Fit, Problem
+from identification.output_error.frozen import frozen_fit
 from identification.output_error.plant import Limb
 from identification.output_error.servo_run import ServoRun
 from testbench.drives.identified import position_rms, split
@@ -28,9 +29,12 @@ def held_out_errors(
     whole = [limb_of_own(limb)]
     squares = [np.zeros(limb.chain.joints) for _ in range(len(fits) + 1)]
     for train, test in (folds, folds[::-1]):
-        tables = [given] + [
-            fit(limb.chain, each.unknowns, train, each.values, threads, 1).table for each in fits
-        ]
+        tables = [given]
+        for each in fits:
+            problem = Problem(limb.chain, each.unknowns, train, threads)
+            derivatives, _ = problem.derivatives(each.values, range(each.unknowns.count))
+            again = frozen_fit(limb.chain, each.unknowns, train, each.values, derivatives, threads, 1)
+            tables.append(again.table)
         for total, table in zip(squares, tables, strict=True):
             total += 0.5 * position_rms(whole, table, test) ** 2
     return [np.sqrt(each) for each in squares]
