@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from enum import Enum
 
+# Before the name of an effect, where its size is an unknown beside the figures of a joint.
+EFFECT = "effect "
+
 
 class Scale(Enum):
     """What a size counts in, at a joint and in the runs at hand."""
