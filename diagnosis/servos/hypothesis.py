@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from identification.output_error.plant import WIDTH
 from identification.output_error.unknowns import Unknowns
 from testbench.drives.effects import drive_effects
-from testbench.drives.effects.base import EFFECT, DriveEffect, Law
+from testbench.drives.effects.base import PREFIX, DriveEffect, Law
 
 from .sizes import Sizes
 
@@ -78,7 +78,7 @@ def with_effect(unknown: Unknowns, place: Place, sizes: Sizes, size: float | Non
     bounds = (-effect.largest if effect.two_sided else 0.0, effect.largest)
     joint = -1 if place.joint is None else place.joint
     return replace(unknown, origin=origin).extended(
-        EFFECT + effect.name, "-", joint, moved, effect.largest, bounds
+        PREFIX + effect.name, "-", joint, moved, effect.largest, bounds
     )
 
 

@@ -26,7 +26,7 @@ from identification.parameters import (
 )
 
 from ..robot import Robot
-from .effects.base import EFFECT
+from .effects.base import PREFIX
 from .stated import Servo
 
 Array = NDArray[np.float64]
@@ -187,7 +187,7 @@ def _figures(limb: Limb, found: Fit, servo: Servo) -> list[Figure]:
     for place, (name, unit, joint) in enumerate(
         zip(unknown.names, unknown.units, unknown.joints, strict=True)
     ):
-        if joint >= 0 and not name.startswith(EFFECT):
+        if joint >= 0 and not name.startswith(PREFIX):
             figures = (found.values[place], found.std[place], unknown.mean[place], unknown.deviation[place])
             out.append(Figure(name, unit, limb.chain.joint_names[joint], *(float(each) for each in figures)))
     for joint, name in enumerate(limb.chain.joint_names):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 # Before the name of an effect, where its size is an unknown beside the figures of a joint.
-EFFECT = "effect "
+PREFIX = "effect "
 
 
 class Scale(Enum):
