@@ -39,7 +39,8 @@ class Fit:
     """Values (m,) of the unknowns and their covariance (m, m).
 
     residual_std, inflation: (n,) rad, and its factor by autocorrelation. effective_samples: (n,).
-    data: (m, m), information of the runs alone. iterations: of Levenberg-Marquardt.
+    information: (n, m, m) of the runs alone, by the joint whose position tells it, in the prior's units.
+    iterations: of Levenberg-Marquardt.
     """
 
     unknowns: Unknowns
@@ -48,7 +49,7 @@ class Fit:
     residual_std: Array
     inflation: Array
     effective_samples: Array
-    data: Array
+    information: Array
     iterations: int
 
     @property
@@ -63,37 +64,31 @@ class Fit:
 
 
 def fit(
-    chain: Chain, unknown: Unknowns, runs: Sequence[ServoRun], start: Array, threads: int | None = None
+    chain: Chain,
+    unknown: Unknowns,
+    runs: Sequence[ServoRun],
+    start: Array,
+    threads: int | None = None,
+    reweightings: int = REWEIGHTINGS,
 ) -> Fit:
-    """The fit of a limb's runs from a start (m,). All runs are sampled at one rate, or each at its own."""
-    problem = _Problem(chain, unknown, runs, threads)
+    """The fit of a limb's runs from a start (m,). All runs are sampled at one rate, or each at its own.
+
+    reweightings: how often the residual's weights are taken anew, at most.
+    """
+    problem = Problem(chain, unknown, runs, threads)
     values = problem.simulatable(unknown.held(start))
     weights = problem.weights(values)
     iterations = 0
-    for _ in range(REWEIGHTINGS):
+    for _ in range(reweightings):
         values, taken = _minimised(problem, values, weights)
         iterations += taken
         before, weights = weights, problem.weights(values)
         if np.all(np.abs(weights / before - 1) < SETTLED):
             break
-    information, _, _ = problem.linearised(values, weights)
-    scale = unknown.deviation
-    covariance = np.linalg.inv(information + np.eye(unknown.count)) * np.outer(scale, scale)
-    residuals = problem.residuals(values)
-    std, inflation = _spread(residuals)
-    return Fit(
-        unknowns=unknown,
-        values=values,
-        covariance=covariance,
-        residual_std=std,
-        inflation=inflation,
-        effective_samples=sum(len(each) for each in residuals) / inflation,
-        data=information / np.outer(scale, scale),
-        iterations=iterations,
-    )
+    return problem.fitted(values, problem.linearised(values, weights)[0], iterations)
 
 
-class _Problem:
+class Problem:
     """Simulations of a limb's windows, and what follows from them; unknowns in units of their prior."""
 
     def __init__(self, chain: Chain, unknown: Unknowns, runs: Sequence[ServoRun], threads: int | None):
@@ -110,8 +105,7 @@ class _Problem:
                 together.append(window)
             self._groups.append((run, together))
 
-    def _batch(self, run: ServoRun, own: Sequence[Window], values: Array) -> list[list[Simulated]]:
-        tables = self.unknown.table(values)
+    def _batch(self, run: ServoRun, own: Sequence[Window], tables: Array) -> list[list[Simulated]]:
         return simulate(self._chain, tables, own, run.rate, self._threads)
 
     def _errors(self, run: ServoRun, own: Sequence[Window], simulated: Sequence[Simulated]) -> list[Array]:
@@ -126,7 +120,7 @@ class _Problem:
         return [
             error
             for run, own in self._groups
-            for error in self._errors(run, own, self._batch(run, own, values[None])[0])
+            for error in self._errors(run, own, self._batch(run, own, self.unknown.table(values[None]))[0])
         ]
 
     def simulatable(self, values: Array) -> Array:
@@ -151,30 +145,104 @@ class _Problem:
         scaled = (values - self.unknown.mean) / self.unknown.deviation
         total = 0.5 * np.sum(scaled**2, axis=1)
         for run, own in self._groups:
-            for index, simulated in enumerate(self._batch(run, own, values)):
+            for index, simulated in enumerate(self._batch(run, own, self.unknown.table(values))):
                 for error in self._errors(run, own, simulated):
                     total[index] += 0.5 * float(np.sum((error * weights) ** 2))
         return np.where(np.isfinite(total), total, np.inf)
 
     def linearised(self, values: Array, weights: Array) -> tuple[Array, Array, float]:
-        """Information (m, m) and gradient (m,) of the runs and their half squares, in the prior's units."""
-        unknown, m = self.unknown, self.unknown.count
-        # A step goes where there is room.
-        towards = np.where(values + DIFFERENCE * unknown.deviation > unknown.upper, -1.0, 1.0)
-        moved = values + np.vstack([np.zeros(m), np.diag(towards * DIFFERENCE * unknown.deviation)])
-        information, gradient, total = np.zeros((m, m)), np.zeros(m), 0.0
+        """Information (n, m, m), gradient (m,) of the runs and their half squares, in the prior's units."""
+        m = self.unknown.count
+        information = np.zeros((self._chain.joints, m, m))
+        gradient, total = np.zeros(m), 0.0
         for run, own in self._groups:
-            errors = [self._errors(run, own, each) for each in self._batch(run, own, moved)]
-            for index, base in enumerate(errors[0]):
-                rows = np.stack([each[index] - base for each in errors[1:]], axis=-1)
-                rows = (rows * (weights[:, None] * towards / DIFFERENCE)).reshape(-1, m)
-                # A difference of a candidate that ran away tells nothing.
-                rows = np.where(np.isfinite(rows), rows, 0.0)
-                weighted = (base * weights).ravel()
-                information += rows.T @ rows
-                gradient += rows.T @ weighted
-                total += 0.5 * float(weighted @ weighted)
+            for rows, base in self._sensitivities(run, own, values, range(m)):
+                own_information, own_gradient = products(rows, base, weights)
+                information += own_information
+                gradient += own_gradient
+                total += 0.5 * float(np.sum((base * weights) ** 2))
         return information, gradient, total
+
+    def derivatives(self, values: Array, of: Sequence[int]) -> tuple[list[Array], list[Array]]:
+        """Derivatives (M, n, k) by some unknowns, rad a deviation of each, and errors (M, n), by window."""
+        parts = [each for run, own in self._groups for each in self._sensitivities(run, own, values, of)]
+        return [rows for rows, _ in parts], [base for _, base in parts]
+
+    def _sensitivities(
+        self, run: ServoRun, own: Sequence[Window], values: Array, of: Sequence[int]
+    ) -> list[tuple[Array, Array]]:
+        """Derivatives (M, n, k) by some unknowns, rad a deviation of each, and errors (M, n)."""
+        unknown, places = self.unknown, np.asarray(of, dtype=np.int64)
+        # A step goes where there is room.
+        steps = np.where(values + DIFFERENCE * unknown.deviation > unknown.upper, -DIFFERENCE, DIFFERENCE)
+        moved = np.tile(values, (len(places) + 1, 1))
+        moved[np.arange(1, len(places) + 1), places] += (steps * unknown.deviation)[places]
+        errors = [self._errors(run, own, each) for each in self._batch(run, own, unknown.table(moved))]
+        out = []
+        for index, base in enumerate(errors[0]):
+            rows = np.zeros((*base.shape, len(places)))
+            for column, each in enumerate(errors[1:]):
+                rows[..., column] = (each[index] - base) / steps[places[column]]
+            # A difference of a candidate that ran away tells nothing.
+            out.append((np.where(np.isfinite(rows), rows, 0.0), base))
+        return out
+
+    def profile(
+        self, weights: Array, derivatives: Sequence[Array], starts: Array, tables: Array
+    ) -> tuple[Array, Array]:
+        """Cost (C,) of other tables (C, n, WIDTH), and the values (C, m) of the unknowns that lower it most.
+
+        starts: (C, m), of the unknowns in each table, with which position moves by the derivatives. The cost
+        is infinite where a table runs away.
+        """
+        unknown, m = self.unknown, self.unknown.count
+        slopes = (starts - unknown.mean) / unknown.deviation
+        costs = 0.5 * np.sum(slopes**2, axis=1)
+        distinct, which = np.unique(tables.reshape(len(tables), -1), axis=0, return_inverse=True)
+        distinct = distinct.reshape(-1, *tables.shape[1:])
+        matrix, gradients, halves = np.eye(m), np.zeros((len(distinct), m)), np.zeros(len(distinct))
+        scaled = iter([(rows * weights[:, None]).reshape(-1, m) for rows in derivatives])
+        for run, own in self._groups:
+            parts = [next(scaled) for _ in own]
+            matrix += sum(rows.T @ rows for rows in parts)
+            for first in range(0, len(distinct), m + 1):
+                batch = self._batch(run, own, distinct[first : first + m + 1])
+                for place, simulated in enumerate(batch, start=first):
+                    for rows, error in zip(parts, self._errors(run, own, simulated), strict=True):
+                        weighted = (error * weights).ravel()
+                        halves[place] += 0.5 * float(weighted @ weighted)
+                        if np.isfinite(halves[place]):
+                            gradients[place] += rows.T @ weighted
+        which = which.ravel()
+        costs, slopes = costs + halves[which], slopes + gradients[which]
+        steps = -np.linalg.solve(matrix, slopes.T).T
+        costs += 0.5 * np.sum(slopes * steps, axis=1)
+        return np.where(np.isfinite(costs), costs, np.inf), unknown.held(starts + steps * unknown.deviation)
+
+    def fitted(self, values: Array, information: Array, iterations: int) -> Fit:
+        """The fit that ended at values (m,), with the runs' information (n, m, m) there."""
+        unknown = self.unknown
+        scale = unknown.deviation
+        covariance = np.linalg.inv(information.sum(axis=0) + np.eye(unknown.count)) * np.outer(scale, scale)
+        residuals = self.residuals(values)
+        std, inflation = _spread(residuals)
+        return Fit(
+            unknowns=unknown,
+            values=values,
+            covariance=covariance,
+            residual_std=std,
+            inflation=inflation,
+            effective_samples=sum(len(each) for each in residuals) / inflation,
+            information=information,
+            iterations=iterations,
+        )
+
+
+def products(rows: Array, errors: Array, weights: Array) -> tuple[Array, Array]:
+    """Information (n, m, m) by joint and gradient (m,) of derivatives (M, n, m) and errors (M, n)."""
+    by_joint = np.moveaxis(rows * weights[:, None], 1, 0)
+    gradient = np.einsum("jtm,tj->m", by_joint, errors * weights, optimize=True)
+    return np.swapaxes(by_joint, 1, 2) @ by_joint, np.asarray(gradient)
 
 
 def _spread(residuals: Sequence[Array]) -> tuple[Array, Array]:
@@ -186,23 +254,31 @@ def _spread(residuals: Sequence[Array]) -> tuple[Array, Array]:
     return np.sqrt(variance), inflation
 
 
-def _minimised(problem: _Problem, values: Array, weights: Array) -> tuple[Array, int]:
+def trial_steps(unknown: Unknowns, values: Array, information: Array, slope: Array, damping: Array) -> Array:
+    """Levenberg-Marquardt's steps from values (m,), within the bounds, one a damping: (T, m).
+
+    information: (n, m, m) of the runs. slope: (m,) of the whole cost, both in the prior's units.
+    """
+    matrix = information.sum(axis=0) + np.eye(unknown.count)
+    # What lies on a bound and is pushed beyond it stays there.
+    pushed = ((values <= unknown.lower) & (slope > 0)) | ((values >= unknown.upper) & (slope < 0))
+    free = np.flatnonzero(~pushed)
+    trials = np.tile(values, (len(damping), 1))
+    for trial, factor in zip(trials, damping, strict=True):
+        own = matrix[np.ix_(free, free)].copy()
+        own[np.diag_indices(len(free))] *= 1 + factor
+        trial[free] -= np.linalg.solve(own, slope[free]) * unknown.deviation[free]
+    return unknown.held(trials)
+
+
+def _minimised(problem: Problem, values: Array, weights: Array) -> tuple[Array, int]:
     """Levenberg-Marquardt from values (m,), within the bounds; the values and how many iterations it took."""
     unknown, damping = problem.unknown, DAMPING
     for iteration in range(1, ITERATIONS + 1):
         information, gradient, total = problem.linearised(values, weights)
         scaled = (values - unknown.mean) / unknown.deviation
         cost = total + 0.5 * float(scaled @ scaled)
-        matrix, slope = information + np.eye(unknown.count), gradient + scaled
-        # What lies on a bound and is pushed beyond it stays there.
-        pushed = ((values <= unknown.lower) & (slope > 0)) | ((values >= unknown.upper) & (slope < 0))
-        free = np.flatnonzero(~pushed)
-        trials = np.tile(values, (len(TRIALS), 1))
-        for trial, factor in zip(trials, TRIALS, strict=True):
-            own = matrix[np.ix_(free, free)].copy()
-            own[np.diag_indices(len(free))] *= 1 + damping * factor
-            trial[free] -= np.linalg.solve(own, slope[free]) * unknown.deviation[free]
-        trials = unknown.held(trials)
+        trials = trial_steps(unknown, values, information, gradient + scaled, damping * np.array(TRIALS))
         costs = problem.costs(trials, weights)
         best = int(np.argmin(costs))
         if not costs[best] < cost:

@@ -11,6 +11,11 @@ motion with at most
     fc + extra exp(-(v / v_s)²) + mu |load|,
 
 load being what the gearbox carries (without the rotor's own inertia).
+
+The rest is zero in a drive as stated: a play ``gap`` between motor and link, with the encoder at the motor or
+(``encoder_after`` 1) at the link; a ``deadband`` of the position error; a ``command_step`` that the firmware
+rounds the command to; the inverse of the speed at which it follows it; and the share of the torque that is
+lost for each N·m that all drives give together (``sag``).
 """
 
 from collections.abc import Sequence
@@ -24,10 +29,14 @@ from ..parameters import PER_JOINT, SYMBOLS
 
 Array = NDArray[np.float64]
 
-DRIVE = ("kp_scale", "kd_scale", "delay", "limit", "extra", "stribeck_velocity", "load_friction")
+DRIVE = (
+    "kp_scale", "kd_scale", "delay", "limit", "extra", "stribeck_velocity", "load_friction",
+    "gap", "encoder_after", "deadband", "command_step", "inverse_rate", "sag",
+)  # fmt: skip
 COLUMNS = (*SYMBOLS, *DRIVE)
 WIDTH = len(COLUMNS)
-KP_SCALE, KD_SCALE, DELAY, LIMIT, EXTRA, STRIBECK_VELOCITY, LOAD_FRICTION = range(PER_JOINT, WIDTH)
+KP_SCALE, KD_SCALE, DELAY, LIMIT, EXTRA, STRIBECK_VELOCITY, LOAD_FRICTION = range(PER_JOINT, PER_JOINT + 7)
+GAP, ENCODER_AFTER, DEADBAND, COMMAND_STEP, INVERSE_RATE, SAG = range(PER_JOINT + 7, WIDTH)
 
 
 def plant_table(parameters: Array, delay: Array, limit: Array) -> Array:

@@ -19,7 +19,21 @@ from ..forward_dynamics import factorise, solve
 from ..inverse_dynamics import _inverse_dynamics
 from ..kinematics import kernel
 from ..parameters import PER_JOINT
-from .plant import DELAY, EXTRA, KD_SCALE, KP_SCALE, LIMIT, LOAD_FRICTION, STRIBECK_VELOCITY
+from .plant import (
+    COMMAND_STEP,
+    DEADBAND,
+    DELAY,
+    ENCODER_AFTER,
+    EXTRA,
+    GAP,
+    INVERSE_RATE,
+    KD_SCALE,
+    KP_SCALE,
+    LIMIT,
+    LOAD_FRICTION,
+    SAG,
+    STRIBECK_VELOCITY,
+)
 
 Array = NDArray[np.float64]
 
@@ -29,6 +43,12 @@ STEP = 2.5e-3
 VELOCITY_TOLERANCE, SWEEPS = 1e-13, 100
 # rad/s: what runs away faster is no robot any more.
 RUNAWAY = 1e4
+# rad/s and sweeps, likewise with play: its impulses converge more slowly.
+PLAY_TOLERANCE, PLAY_SWEEPS = 1e-9, 200
+# Of a joint's inertia, what its rotor has at least where there is play.
+LEAST_ROTOR = 0.02
+# Share of the torque that the deepest sag leaves.
+LEAST_STRENGTH = 0.1
 
 
 @dataclass(frozen=True)
@@ -143,12 +163,34 @@ def _simulate(
     # Viscous and Coulomb friction are the step's own.
     links[:, 11] = 0.0
     links[:, 12] = 0.0
-    q, v, a = position.copy(), velocity.copy(), np.zeros(n)
-    new, rhs, u, level, share = np.empty(n), np.empty(n), np.zeros(n), np.empty(n), np.zeros(n)
-    offset, damping, load = np.empty(n), np.empty(n), np.zeros(n)
+    # The drive's coordinate is the link's, but where there is play between them.
+    drive = np.arange(n)
+    size = n
+    for j in range(n):
+        if table[j, GAP] > 0.0:
+            drive[j] = size
+            size += 1
+    q, v, a = np.zeros(size), np.zeros(size), np.zeros(size)
+    q[:n], v[:n] = position, velocity
+    new, rhs = np.empty(size), np.empty(size)
+    u, level, share, play = np.zeros(n), np.empty(n), np.zeros(n), np.zeros(n)
+    offset, damping, load, goal = np.empty(n), np.empty(n), np.zeros(n), np.empty(n)
     rows_q, rows_v, rows_a = np.zeros((n + 1, n)), np.zeros((n + 1, n)), np.zeros((n + 1, n))
     torques, rest, nothing = np.empty((n + 1, n)), np.empty((1, n)), np.zeros((1, n))
-    mass, factor = np.empty((n, n)), np.empty((n, n))
+    mass, factor = np.empty((size, size)), np.empty((size, size))
+    rows_q[0] = q[:n]
+    _inverse_dynamics(
+        parent, is_slide, rotation, translation, gravity, springs, links, 0.0,
+        rows_q[:1], nothing, nothing, rest,
+    )  # fmt: skip
+    for j in range(n):
+        goal[j] = command[min(start, command.shape[0] - 1), j]
+        if drive[j] >= n:
+            # It hangs on the side that its weight pulls it to.
+            play[j] = 0.5 * table[j, GAP] * np.sign(rest[0, j])
+            if table[j, ENCODER_AFTER] == 0.0:
+                q[j] -= play[j]
+            q[drive[j]], v[drive[j]] = q[j] + play[j], v[j]
     for k in range(samples):
         if k > 0:
             for s in range(substeps):
@@ -171,37 +213,189 @@ def _simulate(
                 for i in range(n):
                     for j in range(n):
                         mass[i, j] = torques[j, i] - rest[0, i]
+                total_torque = 0.0
                 for j in range(n):
+                    total_torque += abs(u[j])
+                for j in range(n):
+                    d = drive[j]
                     late = time - table[j, DELAY]
                     mean = (
                         _held(command, total, j, late + h, rate) - _held(command, total, j, late, rate)
                     ) / h
-                    stiffness = table[j, KP_SCALE] * kp[j]
-                    offset[j] = stiffness * (mean - q[j])
-                    damping[j] = table[j, KD_SCALE] * kd[j] + 0.5 * h * stiffness
-                    expected = offset[j] - damping[j] * (v[j] + 0.5 * h * a[j])
+                    if table[j, INVERSE_RATE] > 0.0:
+                        most = h / table[j, INVERSE_RATE]
+                        goal[j] += min(most, max(-most, mean - goal[j]))
+                        mean = goal[j]
+                    if table[j, COMMAND_STEP] > 0.0:
+                        mean = table[j, COMMAND_STEP] * np.rint(mean / table[j, COMMAND_STEP])
+                    strength = max(LEAST_STRENGTH, 1.0 - table[j, SAG] * total_torque)
+                    stiffness = strength * table[j, KP_SCALE] * kp[j]
+                    # Where the encoder sees the link, the motor's speed is not what the servo damps.
+                    seen = j if table[j, ENCODER_AFTER] > 0.0 else d
+                    error = mean - q[seen] - 0.5 * h * v[seen]
+                    band = table[j, DEADBAND]
+                    if abs(error) <= band and band > 0.0:
+                        stiffness = 0.0
+                    elif band > 0.0:
+                        mean -= band if error > 0 else -band
+                    offset[j] = stiffness * (mean - q[seen])
+                    damping[j] = strength * table[j, KD_SCALE] * kd[j] + 0.5 * h * stiffness
+                    expected = offset[j] - damping[j] * (v[seen] + 0.5 * h * a[seen])
                     if abs(expected) > table[j, LIMIT]:
                         offset[j] = table[j, LIMIT] if expected > 0 else -table[j, LIMIT]
                         damping[j] = 0.0
-                    slip = v[j] / table[j, STRIBECK_VELOCITY]
+                    elif seen != d:
+                        offset[j] = expected
+                        damping[j] = 0.0
+                    slip = v[d] / table[j, STRIBECK_VELOCITY]
                     level[j] = (
                         table[j, 12]
                         + table[j, EXTRA] * np.exp(-slip * slip)
                         + table[j, LOAD_FRICTION] * abs(load[j])
                     )
-                if not _step(mass, factor, offset, damping, table, torques[n], level, h, v, new, rhs, share):
+                if size == n:
+                    if not _step(
+                        mass, factor, offset, damping, table, torques[n], level, h, v, new, rhs, share
+                    ):
+                        return
+                elif not _step_with_play(
+                    mass,
+                    factor,
+                    offset,
+                    damping,
+                    table,
+                    torques[n],
+                    level,
+                    h,
+                    v,
+                    new,
+                    rhs,
+                    share,
+                    drive,
+                    play,
+                ):
                     return
                 for j in range(n):
-                    mean_speed = 0.5 * (v[j] + new[j])
+                    d = drive[j]
+                    mean_speed = 0.5 * (v[d] + new[d])
                     u[j] = offset[j] - damping[j] * mean_speed
+                    motor = (new[d] - v[d]) / h
+                    load[j] = u[j] - table[j, 11] * mean_speed - share[j] * level[j] - table[j, 10] * motor
+                for j in range(n):
                     a[j] = (new[j] - v[j]) / h
-                    load[j] = u[j] - table[j, 11] * mean_speed - share[j] * level[j] - table[j, 10] * a[j]
-                    q[j] += h * mean_speed
+                    q[j] += 0.5 * h * (v[j] + new[j])
                     v[j] = new[j]
-                    if not abs(v[j]) < RUNAWAY:
+                    d = drive[j]
+                    if d != j:
+                        a[d] = (new[d] - v[d]) / h
+                        # The play is exact at its ends only by the speeds at the end of the step.
+                        half = 0.5 * table[j, GAP]
+                        play[j] = min(half, max(-half, play[j] + h * (new[d] - new[j])))
+                        q[d] = q[j] + play[j]
+                        v[d] = new[d]
+                    if not (abs(v[j]) < RUNAWAY and abs(v[d]) < RUNAWAY):
                         return
         for j in range(n):
-            out_position[k, j], out_velocity[k, j], out_torque[k, j] = q[j], v[j], u[j]
+            seen = j if table[j, ENCODER_AFTER] > 0.0 else drive[j]
+            out_position[k, j], out_velocity[k, j], out_torque[k, j] = q[seen], v[seen], u[j]
+
+
+@kernel
+def _step_with_play(
+    link_mass: Array,
+    factor: Array,
+    offset: Array,
+    damping: Array,
+    table: Array,
+    bias: Array,
+    level: Array,
+    h: float,
+    v: Array,
+    new: Array,
+    rhs: Array,
+    share: Array,
+    drive: NDArray[np.int64],
+    play: Array,
+) -> bool:
+    """The step where motors have coordinates of their own and touch their links at the ends of a play.
+
+    drive: (n,) coordinate of each motor; that of its link where there is no play.
+    (M + h/2 D) new = M v + h (u - bias) - h/2 D v + J' p: impulses p of friction, at most h level, against
+    the motors' velocities, and of contact, which keep each play within half its gap. Solved for p by
+    projected Gauss-Seidel. False where M is not positive definite.
+    """
+    n, size = drive.size, v.size
+    mass = np.zeros((size, size))
+    for i in range(n):
+        for j in range(n):
+            mass[i, j] = link_mass[i, j]
+    for j in range(n):
+        if drive[j] >= n:
+            rotor = max(table[j, 10], LEAST_ROTOR * link_mass[j, j])
+            mass[j, j] -= min(table[j, 10], (1 - LEAST_ROTOR) * link_mass[j, j])
+            mass[drive[j], drive[j]] = rotor
+    for i in range(size):
+        rhs[i] = 0.0
+        for j in range(size):
+            rhs[i] += mass[i, j] * v[j]
+    for j in range(n):
+        d = drive[j]
+        own = damping[j] + table[j, 11]
+        rhs[j] -= h * bias[j]
+        rhs[d] += h * offset[j] - 0.5 * h * own * v[d]
+        mass[d, d] += 0.5 * h * own
+    if not factorise(mass, factor):
+        return False
+    solve(factor, rhs)
+    # Rows of J: the motors' velocities, then motor less link where there is play.
+    response = np.zeros((size, size))
+    column = np.empty(size)
+    for c in range(size):
+        column[:] = 0.0
+        for j in range(n):
+            if c == j:
+                column[drive[j]] = 1.0
+            if c >= n and c == drive[j]:
+                column[c], column[j] = 1.0, -1.0
+        solve(factor, column)
+        response[c] = column
+    impulse = np.zeros(size)
+    for j in range(n):
+        impulse[j] = -share[j] * h * level[j]
+    new[:] = rhs
+    for c in range(size):
+        for i in range(size):
+            new[i] += response[c, i] * impulse[c]
+    for _ in range(PLAY_SWEEPS):
+        moved = 0.0
+        for j in range(n):
+            d = drive[j]
+            for contact in range(2 if d >= n else 1):
+                c = d if contact == 1 else j
+                if contact == 1:
+                    own = response[c, d] - response[c, j]
+                    # Without this impulse the play would open or close at this speed.
+                    speed = new[d] - new[j] - own * impulse[c]
+                    half = 0.5 * table[j, GAP]
+                    wanted = min((half - play[j]) / h, max((-half - play[j]) / h, speed))
+                    value = (wanted - speed) / own
+                else:
+                    own = response[c, d]
+                    speed = new[d] - own * impulse[c]
+                    most = h * level[j]
+                    value = min(most, max(-most, -speed / own))
+                change = value - impulse[c]
+                if change != 0.0:
+                    impulse[c] = value
+                    for i in range(size):
+                        new[i] += response[c, i] * change
+                    moved = max(moved, abs(change * own))
+        if moved < PLAY_TOLERANCE:
+            break
+    for j in range(n):
+        most = h * level[j]
+        share[j] = -impulse[j] / most if most > 0.0 else 0.0
+    return True
 
 
 @kernel

@@ -57,6 +57,33 @@ class Unknowns:
         """Places of the unknowns of a name, one a joint."""
         return np.flatnonzero(np.array(self.names) == name)
 
+    def extended(
+        self,
+        name: str,
+        unit: str,
+        joint: int,
+        direction: Array,
+        deviation: float,
+        bounds: tuple[float, float],
+    ) -> "Unknowns":
+        """These unknowns and one more, of mean 0, that moves the table along a direction (n, WIDTH)."""
+        return Unknowns(
+            (*self.names, name),
+            (*self.units, unit),
+            np.append(self.joints, joint),
+            self.origin,
+            np.concatenate([self.basis, direction[None]]),
+            *(
+                np.append(values, value)
+                for values, value in (
+                    (self.mean, 0.0),
+                    (self.deviation, deviation),
+                    (self.lower, bounds[0]),
+                    (self.upper, bounds[1]),
+                )
+            ),
+        )
+
     def held(self, values: Array) -> Array:
         """Values within the bounds."""
         return np.clip(values, self.lower, self.upper)
@@ -92,8 +119,8 @@ def unknowns(chain: Chain, table: Array, known: Knowledge) -> Unknowns:
     if "stribeck_friction" in known.effects:
         table = table.copy()
         table[:, STRIBECK_VELOCITY] = STRIBECK_SHARE * known.speed_scale
-    build = _Builder(table)
-    for direction in _inertial_directions(chain, table, known):
+    build = Builder(table)
+    for direction in inertial_directions(chain, table, known.torque_scale, known.speed_scale, known.inertia):
         build.add("inertia", "-", -1, direction, 0.0, 1.0)
     for joint in range(chain.joints):
         own = table[joint]
@@ -120,7 +147,7 @@ def unknowns(chain: Chain, table: Array, known: Knowledge) -> Unknowns:
     return build.unknowns()
 
 
-class _Builder:
+class Builder:
     """Collects unknowns one by one."""
 
     def __init__(self, table: Array):
@@ -165,15 +192,16 @@ class _Builder:
         )
 
 
-def _inertial_directions(chain: Chain, table: Array, known: Knowledge) -> Array:
+def inertial_directions(
+    chain: Chain, table: Array, torque_scale: Array, speed_scale: Array, inertia: Array
+) -> Array:
     """Moves of the table (b, n, WIDTH), each one deviation of the links' inertias, that the torque shows.
 
     What of the prior's covariance the base parameters see, in its own axes: combinations that no torque
     shows stay as the model has them, and the others are shared by the links as their widths allow.
     """
     standard = table[:, :PER_JOINT].ravel()
-    acceleration = known.torque_scale / known.inertia
-    widths = parameter_widths(standard, known.torque_scale, known.speed_scale, acceleration)
+    widths = parameter_widths(standard, torque_scale, speed_scale, torque_scale / inertia)
     inertial = (np.arange(len(standard)) % PER_JOINT) < INERTIAL
     widths = np.where(inertial, widths, 0.0)
     base = base_parameters(chain, ("inertial",))

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from identification.errors import InputError
+
 from .options import AS_LOGGED, AS_STATED, Chosen, Drives, Jobs, Map, Model, ScenarioSeed, Seed, at_least_one
 
 
@@ -40,12 +42,35 @@ def diagnose(
     ] = None,
     map: Map = None,
     chosen: Chosen = AS_LOGGED,
+    drives: Drives = AS_STATED,
     seed: Seed = 0,
     jobs: Jobs = None,
 ) -> None:
-    """Say why simulator and robot differ: where, which effect, how far it shrinks, what to do next."""
-    from diagnosis.job import WRITTEN, diagnose_logs
+    """Say why simulator and robot differ: where, which effect, how far it shrinks, what to do next.
+
+    Of drives without measured torque, in position: the closed loop is simulated on the log's command.
+    """
     from testbench.containment.folder import results_folder
+
+    from ..runs import first_look
+
+    stated, look = drives.stated(), first_look(logs[0], map)
+    if stated is not None or look.servo:
+        from diagnosis.servos.job import WRITTEN as WRITTEN_OF_SERVOS
+        from diagnosis.servos.job import diagnose_servo_logs
+        from diagnosis.servos.words import print_servo_summary
+
+        if cutoff is not None or payload:
+            option = "--payload" if payload else "--cutoff"
+            expected, got = "logs with torque", "a loop that is simulated, which has none"
+            raise InputError("testbench", option, expected, got)
+        with results_folder(out, WRITTEN_OF_SERVOS):
+            found = diagnose_servo_logs(
+                model, logs, out, stated, without or (), jobs, map, chosen.choice(), look.joint_names
+            )
+        print_servo_summary(found)
+        return
+    from diagnosis.job import WRITTEN, diagnose_logs
 
     with results_folder(out, WRITTEN):
         told = diagnose_logs(

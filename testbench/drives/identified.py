@@ -26,6 +26,7 @@ from identification.parameters import (
 )
 
 from ..robot import Robot
+from .effects.base import PREFIX
 from .stated import Servo
 
 Array = NDArray[np.float64]
@@ -125,13 +126,13 @@ def identify_drives(
     parts, fits, identified = limbs(robot.chain), [], given.copy()
     for limb in parts:
         own = [run.of(limb.joints) for run in runs]
-        unknown = unknowns(limb.chain, given[limb.joints], _knowledge(robot, limb, servo, own, effects))
+        unknown = unknowns(limb.chain, given[limb.joints], knowledge(robot, limb, servo, own, effects))
         fits.append(fit(limb.chain, unknown, own, regression_start(limb.chain, unknown, own)))
         identified[limb.joints] = consistent(fits[-1].table)
     return IdentifiedDrives(robot, servo, given, identified, parts, tuple(fits))
 
 
-def _knowledge(
+def knowledge(
     robot: Robot, limb: Limb, servo: Servo, runs: Sequence[ServoRun], effects: tuple[str, ...]
 ) -> Knowledge:
     """The prior of a limb's drives, and the sizes that are typical of its runs."""
@@ -186,7 +187,7 @@ def _figures(limb: Limb, found: Fit, servo: Servo) -> list[Figure]:
     for place, (name, unit, joint) in enumerate(
         zip(unknown.names, unknown.units, unknown.joints, strict=True)
     ):
-        if joint >= 0:
+        if joint >= 0 and not name.startswith(PREFIX):
             figures = (found.values[place], found.std[place], unknown.mean[place], unknown.deviation[place])
             out.append(Figure(name, unit, limb.chain.joint_names[joint], *(float(each) for each in figures)))
     for joint, name in enumerate(limb.chain.joint_names):

@@ -5,7 +5,15 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from identification.output_error.plant import DELAY, limbs, plant_table
+from identification.output_error.plant import (
+    DEADBAND,
+    DELAY,
+    ENCODER_AFTER,
+    GAP,
+    INVERSE_RATE,
+    limbs,
+    plant_table,
+)
 from identification.output_error.servo_loop import Window, simulate
 from identification.parameters import COULOMB
 from studies.drives.leg import KD, KP, LEG, command, table, written
@@ -96,3 +104,41 @@ def test_legs_on_one_base_are_limbs_of_their_own(tmp_path: Path) -> None:
     assert first.chain.joint_names == ("hip", "knee")
     assert second.chain.joint_names == ("other_hip", "other_knee")
     assert second.chain.parent.tolist() == [-1, 0]
+
+
+def test_a_play_of_no_width_is_no_play_and_a_wide_one_lets_the_link_lag(tmp_path: Path) -> None:
+    robot = load_robot(written(tmp_path))
+    tables = np.stack([table(robot.path)] * 3)
+    tables[1, :, GAP] = 1e-12
+    tables[2, 1, [GAP, ENCODER_AFTER]] = 0.02, 1.0
+    follow = command(RATE, 4.0, 4)
+    window = Window(follow, KP, KD, 0, len(follow), follow[0], np.zeros(2))
+    rigid, tight, loose = (run.position for (run,) in simulate(robot.chain, tables, [window], RATE))
+    np.testing.assert_allclose(tight, rigid, atol=1e-7)
+    finer = simulate(robot.chain, tables[2:], [window], RATE, step=2e-4)[0][0].position
+    assert 0.003 < np.abs(loose - rigid)[:, 1].max() < 0.1
+    assert np.sqrt(np.mean((loose - finer) ** 2)) < 5e-4
+
+
+def test_a_slow_firmware_follows_a_step_at_its_rate(tmp_path: Path) -> None:
+    robot = load_robot(written(tmp_path))
+    slow = table(robot.path)
+    slow[:, COULOMB], slow[:, INVERSE_RATE] = 0.0, 2.0
+    follow = np.zeros((200, 2))
+    follow[20:, 0] = 0.4
+    window = Window(follow, KP, KD, 0, 200, np.zeros(2), np.zeros(2))
+    ((run,),) = simulate(robot.chain, slow[None], [window], RATE)
+    # .4 rad at .5 rad/s.
+    speed = (run.position[80, 0] - run.position[45, 0]) * RATE / 35
+    assert abs(speed - 0.5) < 0.06
+
+
+def test_an_error_within_the_deadband_moves_nothing(tmp_path: Path) -> None:
+    robot = load_robot(written(tmp_path))
+    dead = table(robot.path)
+    dead[:, COULOMB], dead[:, DEADBAND] = 0.3, 0.05
+    follow = np.zeros((100, 2))
+    follow[20:] = 0.04
+    window = Window(follow, KP, KD, 0, 100, np.zeros(2), np.zeros(2))
+    ((run,),) = simulate(robot.chain, dead[None], [window], RATE)
+    assert np.all(run.position == 0)

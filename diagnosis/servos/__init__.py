@@ -1,0 +1,1 @@
+"""Diagnosis of robots without measured torque: their position in closed loop, simulated and measured."""

@@ -1,0 +1,64 @@
+"""Sizes that are typical of a limb and its runs: what the sizes of effects count in."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.output_error.servo_run import ServoRun
+from identification.output_error.unknowns import Knowledge
+from testbench.drives.effects.base import Scale
+
+Array = NDArray[np.float64]
+
+# Below these nothing is divided by, N·m and rad/s.
+LEAST = 1e-9
+# Share of the position error of the loop that no law of a drive follows.
+DISCREPANCY = 0.005
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Of each joint of a limb, (n,): ``scales`` by what they are; position noise, rad, by its quantum; the
+    position error that no law follows, rad."""
+
+    scales: dict[Scale, Array]
+    noise: Array
+    discrepancy: Array
+
+
+def sizes_of(runs: Sequence[ServoRun], known: Knowledge, limit: Array) -> Sizes:
+    """The sizes of a limb's runs. known: its typical torque, speed and inertia. limit: (n,) N·m as stated."""
+    n = len(known.torque_scale)
+    peak, fastest, errors, totals = np.zeros(n), np.zeros(n), np.zeros(n), []
+    for run in runs:
+        position, velocity = run.smoothed
+        error = run.command - position
+        torque = np.clip(run.kp * error - run.kd * velocity, -limit, limit)
+        peak = np.maximum(peak, np.max(np.abs(torque), axis=0))
+        speed = np.abs(np.diff(run.command, axis=0)) * run.rate
+        # A step of the command is no speed.
+        fastest = np.maximum(fastest, np.quantile(speed, 0.999, axis=0))
+        errors += np.mean(error**2, axis=0) / len(runs)
+        totals.append(np.sum(np.abs(torque), axis=1))
+    total = float(np.sqrt(np.mean(np.concatenate(totals) ** 2)))
+    full = np.ones(n)
+    scales = {
+        Scale.ONE: full,
+        Scale.TORQUE: known.torque_scale,
+        Scale.PEAK_TORQUE: peak + LEAST,
+        Scale.SPEED: known.speed_scale,
+        Scale.DAMPING: known.torque_scale / known.speed_scale,
+        Scale.SLOWNESS: 1 / (fastest + LEAST),
+        Scale.INERTIA: known.inertia,
+        Scale.PER_TOTAL: full / (total + LEAST),
+    }
+    return Sizes(scales, noise_of(runs), DISCREPANCY * np.sqrt(errors))
+
+
+def noise_of(runs: Sequence[ServoRun]) -> Array:
+    """RMS (n,) rad that the positions' quanta leave; 0 where values hardly repeat, as of a simulation."""
+    steps = np.abs(np.diff(np.concatenate([run.position for run in runs]), axis=0))
+    quanta = np.array([np.min(own[own > 0], initial=np.inf) for own in steps.T])
+    return np.where(np.isfinite(quanta), quanta, 0.0) / np.sqrt(12)

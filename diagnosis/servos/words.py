@@ -1,0 +1,107 @@
+"""A diagnosis of position servos in sentences, and as lines for the terminal."""
+
+import numpy as np
+from rich.text import Text
+
+from testbench.drives.effects import drive_effects
+from testbench.findings import significant
+from testbench.terminal import console
+
+from .findings import ServoDiagnosis, ServoFault
+
+# Joints, effects and candidates that the terminal lists.
+MOST = 4
+
+
+def sentence(diagnosis: ServoDiagnosis) -> str:
+    """The verdict in one sentence."""
+    given, parameters, corrected = (
+        f"{significant(1e3 * _pooled(each), 3)} mrad"
+        for each in (diagnosis.given, diagnosis.parameters, diagnosis.corrected)
+    )
+    halves = "RMS on halves that were not fitted"
+    if diagnosis.verdict == "effect":
+        names = ", ".join(f"{title(each)} ({each.probability:.0%})" for each in diagnosis.effects)
+        return (
+            f"The gap comes from {names}: the position error in closed loop falls from {parameters} "
+            f"re-identified to {corrected} {halves}; it is {given} by the model as given."
+        )
+    if diagnosis.verdict == "none":
+        return f"The model as given explains these logs: {given} {halves}, {parameters} re-identified."
+    if diagnosis.verdict == "parameters":
+        return (
+            f"Other parameters than the model's explain these logs: the position error in closed loop falls "
+            f"from {given} to {parameters} {halves}, and no effect stands out."
+        )
+    worst = diagnosis.where[0]
+    likely = " or ".join(
+        f"{labelled(each.effect, each.joint)} ({each.probability:.0%})"
+        for each in diagnosis.candidates[:2]
+        if each.probability >= 0.05
+    )
+    which = f"; likeliest: {likely}" if likely else ""
+    return (
+        f"At {worst.joint} lies {worst.share:.0%} of the squared position error that re-identification "
+        f"leaves ({parameters} {halves}, {given} as given), and no effect of the catalogue explains it "
+        f"surely enough{which}."
+    )
+
+
+def title(each: ServoFault) -> str:
+    """An effect, where, and how large."""
+    figures = ", ".join(
+        f"{name} {significant(float(np.asarray(quantity.value)), 3)} ± "
+        f"{significant(float(np.asarray(quantity.std)), 2)} {quantity.unit}".removesuffix(" -")
+        for name, quantity in each.parameters.items()
+    )
+    return f"{labelled(each.effect, each.joint if each.joint else ', '.join(each.joints))}, {figures}"
+
+
+def labelled(effect: str, joint: str | None) -> str:
+    """An effect's title and its joint."""
+    return f"{drive_effects()[effect].title.lower()} at {joint or 'all joints'}"
+
+
+def notes(diagnosis: ServoDiagnosis) -> tuple[str, ...]:
+    """What is to be said beside."""
+    alike = "Position alone determines ratios of gains, inertia and friction; their scale is the model's."
+    return (alike, *diagnosis.notes)
+
+
+def print_servo_summary(diagnosis: ServoDiagnosis) -> None:
+    """Print the diagnosis in some ten lines, 110 columns wide where that is no terminal."""
+    lines = [Text(sentence(diagnosis), style="bold")]
+    where = "; ".join(
+        f"{each.joint} {each.share:.0%} ({each.regime}, {significant(1e3 * each.gap_rms, 3)} mrad)"
+        for each in diagnosis.where[:MOST]
+    )
+    lines.append(_line("where", where))
+    for each in diagnosis.effects[:MOST]:
+        lines.append(_line("effect", f"{title(each)}: {each.probability:.0%}"))
+        if each.confusable_with:
+            others = ", ".join(drive_effects()[name].title.lower() for name in each.confusable_with)
+            lines.append(_line("open", f"these runs hardly tell it from {others}"))
+    listed = diagnosis.candidates[:MOST]
+    if listed:
+        weighed = [f"{labelled(each.effect, each.joint)} ({each.probability:.0%})" for each in listed]
+        lines.append(_line("not", "; ".join(weighed)))
+    figures = (diagnosis.given, diagnosis.parameters, diagnosis.corrected, diagnosis.noise)
+    given, parameters, corrected, noise = (significant(1e3 * _pooled(each), 3) for each in figures)
+    lines.append(
+        _line(
+            "gap",
+            f"{given} given → {parameters} re-identified → {corrected} with effects, noise {noise}; mrad",
+        )
+    )
+    if diagnosis.experiment is not None:
+        lines.append(_line("next", diagnosis.experiment.why))
+    lines += [_line("note", each) for each in diagnosis.notes]
+    console().print(Text("\n").join(lines), soft_wrap=True)
+
+
+def _line(label: str, text: str) -> Text:
+    return Text.assemble((f"{label:8}", "dim"), text)
+
+
+def _pooled(rms: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(rms**2)))

@@ -1,0 +1,72 @@
+"""Output error with derivatives that are kept: a fit that starts near its end.
+
+Position moves with links, friction and drives much alike, whatever one effect is beside them. So their
+derivatives are simulated once, and each step costs a few simulations, not one for each unknown.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..chain import Chain
+from .fit import GAIN, Fit, Problem, products, trial_steps
+from .servo_run import ServoRun
+from .unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+DAMPING = (1e-3, 0.1, 10.0, 1e3)
+# Steps at most; how often the residual's weights are taken anew.
+STEPS, PASSES = 8, 2
+
+
+def frozen_fit(
+    chain: Chain,
+    unknown: Unknowns,
+    runs: Sequence[ServoRun],
+    start: Array,
+    derivatives: Sequence[Array],
+    threads: int | None = None,
+    passes: int = PASSES,
+) -> Fit:
+    """The fit from a start (m,), with derivatives (M, n, k) of each window by the first k unknowns.
+
+    Those by the others are simulated at each step.
+    """
+    problem = Problem(chain, unknown, runs, threads)
+    kept = derivatives[0].shape[-1]
+    fresh = range(kept, unknown.count)
+    values, taken = problem.simulatable(unknown.held(start)), 0
+    weights = problem.weights(values)
+    for _ in range(passes):
+        for _ in range(STEPS):
+            information, gradient, cost = _linearised(problem, values, weights, derivatives, fresh)
+            scaled = (values - unknown.mean) / unknown.deviation
+            trials = trial_steps(unknown, values, information, gradient + scaled, np.array(DAMPING))
+            costs = problem.costs(trials, weights)
+            best = int(np.argmin(costs))
+            gained = cost + 0.5 * float(scaled @ scaled) - costs[best]
+            if not gained > 0:
+                break
+            values, taken = trials[best], taken + 1
+            if gained < GAIN:
+                break
+        weights = problem.weights(values)
+    information = _linearised(problem, values, weights, derivatives, fresh)[0]
+    return problem.fitted(values, information, taken)
+
+
+def _linearised(
+    problem: Problem, values: Array, weights: Array, derivatives: Sequence[Array], fresh: Sequence[int]
+) -> tuple[Array, Array, float]:
+    """Information (n, m, m), gradient (m,) of the runs and their half squares, in the prior's units."""
+    m = problem.unknown.count
+    information, gradient, total = np.zeros((len(weights), m, m)), np.zeros(m), 0.0
+    own, errors = problem.derivatives(values, fresh)
+    for rows, added, error in zip(derivatives, own, errors, strict=True):
+        own_information, own_gradient = products(np.concatenate([rows, added], axis=-1), error, weights)
+        information += own_information
+        gradient += own_gradient
+        total += 0.5 * float(np.sum((error * weights) ** 2))
+    return information, gradient, total

@@ -1,0 +1,1 @@
+"""Effects on the way of the command to the drive."""

@@ -1,0 +1,1 @@
+"""Effects in the drive: its gains, its limits, its supply."""
