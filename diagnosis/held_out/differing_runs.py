@@ -180,7 +180,7 @@ def _explained(hypothesis: Design, fitted: Fit, index: int, kind: str, payload: 
     cross, own, right = np.zeros((base.parameters, k)), np.diag(precision).astype(float), np.zeros(k)
     for joint, weight in enumerate(fitted.weights):
         part = z[:, joint]
-        cross[base.loading[joint]] += weight * (base.columns[index][joint].T @ part)
+        cross[base.loading[joint]] += weight * (base.columns(index, joint).T @ part)
         own += weight * (part.T @ part)
         right += weight * (part.T @ fitted.residual[index][:, joint])
     shows = np.diag(own) > precision

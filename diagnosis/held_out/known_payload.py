@@ -75,7 +75,7 @@ def _of_joint(prepared: Prepared, index: int, payload: Candidate, joint: int) ->
     """L (m, k) and t (m,) of |L c - t|², a joint's squares beside its own base parameters, in its noise."""
     base = ground(prepared)
     used = [run.used[:, joint] for run in prepared.runs]
-    x = np.concatenate([own[joint][u] for own, u in zip(base.columns, used, strict=True)])
+    x = np.concatenate([base.columns(run, joint)[u] for run, u in enumerate(used)])
     y = np.concatenate([own[u, joint] for own, u in zip(base.gap, used, strict=True)])
     z = np.concatenate([(k == index) * payload.filtered[k][u, joint] for k, u in enumerate(used)])
     x = x[:, np.any(x != 0, axis=0)]
