@@ -1,7 +1,7 @@
 """One logged run, with what the model says along it: the ground that signatures are made from."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -189,12 +189,24 @@ class Logged:
         table[:, INERTIAL:] = 0.0
         return table.ravel()
 
+    def let_go(self) -> None:
+        """Forget all that was made of this run so far; whatever is asked for again is made again."""
+        for name in self.__dict__.keys() - {each.name for each in fields(self)}:
+            self.__dict__.pop(name, None)
+
     @cached_property
-    def _derivatives(self) -> dict[int, tuple[Array, Array, Array]]:
+    def _derivatives(self) -> dict[int, "_Derivatives"]:
         return {}
 
     def load_derivatives(self, joint: int) -> tuple[Array, Array, Array]:
         """d load / d(q, dq, ddq) of one joint, each (N, n)."""
+        return self._derivatives_of(joint).each
+
+    def kept_with_derivatives(self, joint: int) -> dict[Hashable, tuple[Array, ...]]:
+        """What else was made of one joint's derivatives, by its name: kept as long as they are."""
+        return self._derivatives_of(joint).made_of_them
+
+    def _derivatives_of(self, joint: int) -> "_Derivatives":
         kept = self._derivatives
         if (found := kept.get(joint)) is None:
             # The motion has nothing above the cut-off, so a coarse grid and a cubic spline carry them.
@@ -208,7 +220,7 @@ class Logged:
                 part = np.arange(first, min(first + AT_ONCE, self.samples))
                 for whole, own in zip(made, np.split(values(part), 3, axis=1), strict=True):
                     whole[part] = own
-            found = kept[joint] = made[0], made[1], made[2]
+            found = kept[joint] = _Derivatives((made[0], made[1], made[2]))
             # Those of all joints are most of what a run would hold.
             for old in list(kept)[: -min(DERIVATIVES, max(MOST_BYTES // made.nbytes, 1))]:
                 kept.pop(old, None)
@@ -234,6 +246,14 @@ class Logged:
                 inverse_dynamics(weightless, self._links, q, still, still + unit, threads=1),
             ]
         )
+
+
+@dataclass(frozen=True)
+class _Derivatives:
+    """d load / d(q, dq, ddq) of one joint, each (N, n), and what was made of them."""
+
+    each: tuple[Array, Array, Array]
+    made_of_them: dict[Hashable, tuple[Array, ...]] = field(default_factory=dict)
 
 
 @kernel
