@@ -212,7 +212,7 @@ def _columns(hypothesis: Design, fitted: Fit, kind: str, payload: Candidate) -> 
         cross, own, right = np.zeros((base.parameters, k)), np.diag(precision).astype(float), np.zeros(k)
         for joint, weight in enumerate(fitted.weights):
             part = z[:, joint]
-            cross[base.loading[joint]] += weight * (base.columns[index][joint].T @ part)
+            cross[base.loading[joint]] += weight * (base.columns(index, joint).T @ part)
             own += weight * (part.T @ part)
             right += weight * (part.T @ fitted.residual[index][:, joint])
         parts.append((whole, cross, own, right, np.diag(own) > precision))

@@ -82,7 +82,7 @@ def _of_joint(prepared: Prepared, runs: Sequence[int], payload: Candidate, joint
     """L (m, 10 r) and t (m,) of |L c - t|², a joint's squares beside its base parameters, in its noise."""
     base = ground(prepared)
     used = [run.used[:, joint] for run in prepared.runs]
-    x = np.concatenate([own[joint][u] for own, u in zip(base.columns, used, strict=True)])
+    x = np.concatenate([base.columns(run, joint)[u] for run, u in enumerate(used)])
     y = np.concatenate([own[u, joint] for own, u in zip(base.gap, used, strict=True)])
     own_of = [payload.filtered[k][u, joint] for k, u in enumerate(used)]
     z = np.hstack([np.concatenate([(k == index) * own for k, own in enumerate(own_of)]) for index in runs])
