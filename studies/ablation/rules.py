@@ -58,10 +58,12 @@ class Rule:
 
 
 def ends(value: float) -> dict[str, float]:
-    """The values that neutralise a number, by their names: none and without end."""
-    if isinstance(value, int):
-        return {"0": 0, "inf": COUNTLESS}
-    return {"0": 0.0, "inf": math.inf} if value > 0 else {"-inf": -math.inf, "inf": math.inf}
+    """The values that neutralise a number, by their names: none and without end.
+
+    value: of a literal, which has no sign.
+    """
+    found = {"0": 0, "inf": COUNTLESS} if isinstance(value, int) else {"0": 0.0, "inf": math.inf}
+    return {name: end for name, end in found.items() if end != value}
 
 
 def modules() -> tuple[str, ...]:
