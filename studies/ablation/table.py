@@ -11,6 +11,29 @@ from .work import answer_of
 # Value of a right name, a wrong one, and of no name where there is nothing to name.
 RIGHT, WRONG, SILENT = 1.0, -2.0, 1.0
 
+# Rules that these cases cannot show to matter, and what they are for, by the beginning of their place.
+KEPT_FOR: Mapping[str, str] = {
+    "decision.doubts": "runs of one sine, too short, or with a size at its bound",
+    "decision.findings": "figures of the report",
+    "decision.harmful_effects": "recordings that some effects predict far worse",
+    "decision.held_out_check": "recordings whose left-out runs disagree",
+    "decision.probability": "stated probabilities, which are not scored here",
+    "fit.encoder_zeros": "zeros that are degrees off",
+    "fit.torque_alignment": "logs whose torque is late",
+    "held_out.differing_runs": "runs with a load, offsets or friction of their own",
+    "held_out.folds": "one or two runs, or many",
+    "held_out.known_payload": "gains by a known mass",
+    "held_out.recurring_push": "pushes that every run has",
+    "proposals.flat_top": "drives that report what they gave",
+    "plausibility.prominence.SECOND": "two faults at one joint, which no plant draws",
+    "plausibility.prominence._is_no_rest": "two faults at one joint, which no plant draws",
+}
+
+
+def kept_for(place: str) -> str:
+    """What a rule is for that these cases cannot show; empty for any other."""
+    return next((why for start, why in KEPT_FOR.items() if place.startswith(start)), "")
+
 
 def is_right(row: Mapping[str, Any]) -> bool:
     """Whether an answer has every fault and no wrong name; of a law in no catalogue, no name."""
@@ -66,14 +89,20 @@ def tabulated(
     }
 
 
-def verdicts(table: Mapping[str, Any]) -> dict[str, str]:
-    """What each place earns, from the best of the ways to neutralise it.
+# What the table says of a rule.
+MEANINGS: Mapping[str, str] = {
+    "nothing": "neutralised one way, it turns no comparison that reaches an answer, in any case",
+    "no answer": "it turns one, and no answer changes",
+    "costs": "without it the answers are worth more",
+    "open": "it may matter to cases that were not run again, or not all of them",
+    "earns": "without it the answers are worth as much or less",
+}
 
-    nothing: no comparison turned, in any case. no answer: one turned, and no answer did. open: not all cases
-    were run. earns: it turns more right than wrong, or as many. costs: the reverse.
-    """
+
+def verdicts(table: Mapping[str, Any]) -> dict[str, str]:
+    """What each place earns, one of MEANINGS: the first that one of the ways to neutralise it has."""
     found: dict[str, str] = {}
-    ranks = ("nothing", "no answer", "costs", "open", "earns")
+    ranks = tuple(MEANINGS)
     for line in table["rules"]:
         if not line["matters"]:
             own = "nothing"
@@ -88,34 +117,39 @@ def verdicts(table: Mapping[str, Any]) -> dict[str, str]:
 
 
 def page(table: Mapping[str, Any]) -> str:
-    """The table in Markdown, a line a way to neutralise a rule, those that turn most first."""
+    """The table in Markdown: rules by how many answers they change, then those that change none."""
     own = verdicts(table)
-    counts = {name: sum(each == name for each in own.values()) for name in dict.fromkeys(own.values())}
+    counts = {name: sum(each == name for each in own.values()) for name in MEANINGS}
     lines = [
         "# What each rule earns",
         "",
-        f"{table['cases']} cases, {table['right']} answered right, worth {table['worth']:g} in all. "
-        + ", ".join(f"{name}: {count} rules" for name, count in sorted(counts.items()))
-        + ".",
+        f"{table['cases']} robots, {table['right']} answered right, worth {table['worth']:g} in all.",
         "",
-        "| rule | is | without | may matter to | run | other answers | right → wrong | wrong → right "
-        "| McNemar's p | worth | in all |",
+        "| rules | how many | meaning |",
+        "| --- | --- | --- |",
+        *(f"| {name} | {counts[name]} | {meaning} |" for name, meaning in MEANINGS.items()),
+        "",
+        "## Neutralised and run again",
+        "",
+        "| rule | is | without | may matter to | run | other answers | right → wrong | wrong → right | p "
+        "| worth | the rule |",
         "| --- " * 11 + "|",
     ]
     order = sorted(table["rules"], key=lambda e: (-e["changed"], -e["run"], -e["matters"], e["place"]))
-    for each in order:
-        if each["matters"]:
-            cells = [
-                f"`{each['place']}`",
-                each["value"],
-                each["off"],
-                *(each[name] for name in ("matters", "run", "changed", "right_to_wrong", "wrong_to_right")),
-                f"{each['p']:.2g}",
-                f"{each['worth']:+g}",
-                own[each["place"]],
-            ]
-            lines.append("| " + " | ".join(map(str, cells)) + " |")
-    silent = sorted(place for place, verdict in own.items() if verdict == "nothing")
-    lines += ["", "Neutralised one way at least, these turn no comparison in any case:", ""]
-    lines += [f"`{place}`" + ("," if place != silent[-1] else "") for place in silent]
+    for each in (line for line in order if line["run"]):
+        cells = [
+            f"`{each['place']}`",
+            each["value"].replace("|", "or"),
+            each["off"],
+            *(each[name] for name in ("matters", "run", "changed", "right_to_wrong", "wrong_to_right")),
+            f"{each['p']:.2g}",
+            f"{each['worth']:+g}",
+            own[each["place"]],
+        ]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    for title, verdict in (("Never turned", "nothing"), ("Not run yet", "open")):
+        lines += ["", f"## {title}", "", "| rule | kept for |", "| --- | --- |"]
+        run = {each["place"] for each in table["rules"] if each["run"]}
+        places = sorted(place for place, each in own.items() if each == verdict and place not in run)
+        lines += [f"| `{place}` | {kept_for(place)} |" for place in places]
     return "\n".join(lines) + "\n"
