@@ -33,7 +33,6 @@ from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from ..plausibility.accepted import COUPLING, Accepted, is_rest, without_one
 from ..plausibility.materiality import is_certainly_beyond, is_obvious
 from ..plausibility.prominence import is_main
-from ..plausibility.single_effect import OF_EVERY_JOINT, is_alone
 from ..residual.unexplained import Unclaimed
 from .found import Found
 
@@ -74,10 +73,9 @@ def accepted_as(
     own = best.candidate, found.trial[1].values[-best.candidate.count :]
     as_well = [(w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL]
     obvious = is_obvious(sized, stage, best.gain)
-    alone = is_alone(sized, stage, best, own[1], before, rest)
     share = float(stage.shares(best.gain).max())
     shared = is_nearly_all_shared(sized, stage, best.gain)
-    beyond = alone or shared or is_beyond_healthy(sized, torque_rms, *own)
+    beyond = shared or is_beyond_healthy(sized, torque_rms, *own)
     # Where an imperfection of healthy size would explain it as well, nothing else need be there.
     beyond = beyond and all(is_beyond_healthy(sized, torque_rms, *each) for each in as_well)
     beyond = (obvious or beyond) and not (is_excessive(sized, *own, share) or moves_little(torque_rms, *own))
@@ -87,7 +85,7 @@ def accepted_as(
     beyond = beyond and not is_how_runs_begin(stage.prepared, best.candidate)
     # What a push leaves is where it was.
     firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
-    main = alone or is_main(sized, apart, stage, best, firsts, rest)
+    main = is_main(sized, apart, stage, best, firsts, rest)
     certain = found.is_certain(stage)
     samples = stage.independent[list(best.candidate.member.rows)]
     # An effect of the whole robot shows at all joints.
@@ -108,8 +106,7 @@ def accepted_as(
         named=bool(beyond and main and certain and enough),
         is_certain=certain,
         is_trace=found.is_trace,
-        by_size=not (obvious or alone or shared),
-        is_alone=alone and not obvious,
+        by_size=not (obvious or shared),
     )
 
 
@@ -200,10 +197,7 @@ def told_apart_at_last(
         for place, (item, own) in enumerate(zip(accepted, last.hypothesis.parts, strict=True))
         if not (item.named or item.is_everywhere or item.is_trace or is_rest(item, accepted))
         and item.is_certain
-        and (
-            item.candidate.family.effect in OF_EVERY_JOINT
-            or is_beyond_healthy(sized, base.torque_rms, item.candidate, values[own])
-        )
+        and is_beyond_healthy(sized, base.torque_rms, item.candidate, values[own])
     ]
     apart = _of_robots(base, accepted) if hidden else last
     for place in hidden:
@@ -240,8 +234,7 @@ def as_fitted_at_last(
     """The accepted effects with their final shapes and sizes, as fitted to all runs together.
 
     An effect is no longer reported where it is larger than any gear has it, no larger than on a healthy
-    robot, or not distinguished from zero; nor one reported because it was the only one, where another joint
-    has an unreported effect as large for it.
+    robot, or not distinguished from zero.
     """
     found, torque_rms = [], ground(hypothesis.prepared).torque_rms
     times = [
@@ -254,25 +247,12 @@ def as_fitted_at_last(
         own = candidate, fitted.values[part]
         named = item.named and not is_excessive(sized, *own, item.share)
         named = named and (not item.by_size or size > 1)
-        named = named and not (item.is_alone and size <= 1 and _is_another(accepted, times, item, size))
         least = GAIN_AT_LAST if candidate.family.effect == GAIN else AT_LAST
         # A limit that the drive reports leaves no gap, and a push is recognised by its time.
         elsewhere = candidate.is_event or candidate.family.effect == SATURATION
         named = named and (elsewhere or fitted.wald(part) > least)
         found.append(replace(item, candidate=candidate, named=named))
     return found
-
-
-def _is_another(accepted: Sequence[Accepted], times: Sequence[float], own: Accepted, size: float) -> bool:
-    """Whether another joint certainly has an unreported effect that is as large.
-
-    times: size of each effect as a multiple of a healthy joint's. size: that of this one.
-    """
-    here = (own.candidate.family.joint, None)
-    return any(
-        item.is_certain and not item.named and item.candidate.family.joint not in here and each >= size
-        for item, each in zip(accepted, times, strict=True)
-    )
 
 
 def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> bool:

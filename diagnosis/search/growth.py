@@ -125,7 +125,7 @@ def _grown(
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
         if (more := near_rest(sized, stage, weighed, ahead, soft, sought.catalogue)) is not None:
             return more
-        found = search.round(stage, weighed, free, accepted)
+        found = search.round(stage, weighed, free)
         if found is None and not resought and (place := _of_event(accepted)) < len(accepted) - 1:
             resought, rest = True, [a for k, a in enumerate(accepted) if k != place]
             alone = Stage(base, *without_one(base.prepared, accepted, place))
