@@ -19,7 +19,6 @@ from ..decision.attribution import Attribution
 from ..decision.reported_effects import (
     accepted_as,
     as_fitted_at_last,
-    is_dwarfed,
     judged_again,
     told_apart_at_last,
 )
@@ -189,7 +188,8 @@ def _grown(
     alike = {each.joint for each in imitated}
     misfits = [each for each in misfits if each.regime != NOTHING or each.joint not in alike]
     unknown = (*misfits, *worth_telling(imitated), *unmet)
-    accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
+    open_at = {each.joint for each in unknown}
+    accepted = [replace(a, named=a.named and a.candidate.family.joint not in open_at) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 
