@@ -8,7 +8,7 @@ from mkdocs.structure.files import File, Files
 # Files at the top, and the pages that they are.
 PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md"}
 # What those pages link to, beside pages.
-LINKED = ("LICENSE", "examples/*.py")
+LINKED = ("LICENSE", "examples/*.py", "examples/extensions/*/*.py")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
