@@ -82,7 +82,7 @@ def measure() -> Report:
         goals=(Goal("GiB of the largest", largest, GIBIBYTES, at_least=False),),
         notes=(
             "GiB: resident memory of the process and its children together, at its largest.",
-            "equations: the decimated regressor along all runs, for diagnose with the columns of all effects.",
+            "equations: the decimated regressor along all runs, for diagnose with the columns of effects.",
             f"ratio: of all above the {empty:.2f} GiB that the program has without a log, to the equations.",
         ),
     )
