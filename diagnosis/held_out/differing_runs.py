@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
+from identification.parameters import COULOMB, MASS, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 
@@ -227,11 +227,8 @@ def _of_run(run: Run, index: int, kind: str, payload: Candidate, n: int) -> tupl
     if kind == FRICTION:
         each = (run.logged.dq, run.logged.direction)
         whole = np.concatenate([values[:, :, None] * np.eye(n) for values in each], axis=2)
-        joints = PER_JOINT * np.arange(n)
-        z = np.concatenate(
-            [run.rows[:, np.arange(n), joints + own][:, :, None] * np.eye(n) for own in (VISCOUS, COULOMB)],
-            axis=2,
-        )
+        filtered = (np.column_stack([rows[:, own] for rows in run.rows]) for own in (VISCOUS, COULOMB))
+        z = np.concatenate([values[:, :, None] * np.eye(n) for values in filtered], axis=2)
         return whole, z, np.zeros(2 * n)
     whole = np.broadcast_to(np.eye(n), (run.logged.samples, n, n))
     return whole, np.broadcast_to(np.eye(n), (len(run.time), n, n)), np.zeros(n)
