@@ -30,7 +30,7 @@ LEG = KINDS[0]
 FAULTS = {
     "gain_error": {KP_SCALE: 1.25},
     "backlash": {GAP: np.radians(0.6)},
-    "stiction": {EXTRA: 0.25, STRIBECK_VELOCITY: 0.05},
+    "stiction": {EXTRA: 0.25, STRIBECK_VELOCITY: 0.12},
 }
 
 
