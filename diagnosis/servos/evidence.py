@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 # Probabilities before the runs are looked at: a limb in order, a fault of the catalogue, another one.
 IN_ORDER, FAULT, OTHER = 0.5, 0.4, 0.1
-# Something unknown at a joint leaves this share of its position error, for so many unknowns: an effect that
+# Something unknown leaves this share of a joint's position error, for so many unknowns: an effect there that
 # explains less of it is no explanation.
 OTHER_LEAVES, OTHER_UNKNOWNS = 0.7, 6
 # Relative deviation of a size that only a grid was searched for.
@@ -86,7 +86,11 @@ def weigh(base: Fitted, candidates: Sequence[Fitted], sizes: Sizes, places: int)
         logs.append(shared + log_uniform - (np.log(2) if effect.two_sided else 0.0))
     left = _variance(base.fit, floor) * OTHER_LEAVES**2 + floor + sizes.noise**2
     gains = 0.5 * effective * np.log(_variance(base.fit, floor) / left)
-    other = own + float(np.max(gains - 0.5 * OTHER_UNKNOWNS * np.log(np.maximum(effective, 1.0))))
+    gains -= 0.5 * OTHER_UNKNOWNS * np.log(np.maximum(effective, 1.0))
+    # Where the likeliest effect acts: that another joint has something unknown does not speak against it.
+    likeliest = candidates[int(np.argmax(logs))].place if candidates else None
+    there = None if likeliest is None else likeliest.joint
+    other = own + float(np.max(gains) if there is None else gains[there])
     terms = np.array([in_order + np.log(IN_ORDER), other + np.log(OTHER)])
     terms = np.append(terms, np.array(logs) + np.log(FAULT / places))
     odds = np.exp(terms - terms.max())
