@@ -70,7 +70,8 @@ def diagnose_servos(
     identified = given.copy()
     for each in found:
         identified[each.limb.joints] = consistent(each.final.table)
-    drives = IdentifiedDrives(robot, servo, given, identified, parts, tuple(each.final for each in found))
+    fits = tuple(each.final for each in found)
+    drives = IdentifiedDrives(robot, servo, given, identified, parts, fits, fits)
     errors = np.zeros((4, robot.joints))
     for each in found:
         errors[:, each.limb.joints] = [*each.errors, each.sizes.noise]
