@@ -30,7 +30,7 @@ class StageClock:
 def main() -> None:
     """Arguments: the scenario file and the folder for its results."""
     scenario, out = map(Path, sys.argv[1:])
-    import testbench.run
+    import testbench.jobs.run
 
     clock = StageClock()
     clock.seconds["import"] = time.perf_counter() - BEGAN
@@ -39,9 +39,9 @@ def main() -> None:
     def steps() -> Iterator[StageClock]:
         yield clock
 
-    testbench.run.steps = steps  # type: ignore[assignment]  # a clock in the display's place
+    testbench.jobs.run.steps = steps  # type: ignore[assignment]  # a clock in the display's place
     with contextlib.redirect_stdout(sys.stderr):
-        testbench.run.run_scenario(scenario, out)
+        testbench.jobs.run.run_scenario(scenario, out)
     print(json.dumps(clock.seconds))
 
 

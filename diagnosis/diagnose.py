@@ -30,7 +30,7 @@ from .held_out.recurring_push import recurrence
 from .held_out.shrinkage import Kept, everything, shares_kept
 from .model.hypothesis import Design
 from .plausibility.accepted import Accepted
-from .report.sentence import sentence_of, unclaimed_in_words
+from .report.sentence import UNSURE, sentence_of, unclaimed_in_words
 from .residual.intervals import rms_interval
 from .residual.localisation import where
 from .residual.noise import noise
@@ -82,18 +82,14 @@ def diagnose(
     accepted, bursts = pushes_that_hold(accepted, gap)
     found = replace(found, accepted=accepted, unknown=(*found.unknown, *unmet, *untold, *bursts))
     found = _without_doubtful(found, supported, sines)
-    if (alone := _hardly_seen(found)).any() and kept.effects[alone].any():
+    if (alone := _hardly_seen(found, gap)).any() and kept.effects[alone].any():
         # What other joints' motion would make of them was never seen.
         seen = np.where(alone, 0.0, kept.effects)
         kept = replace(kept, effects=seen, effects_whole=kept.effects_whole * float(seen.any()))
         found = replace(found, accepted=with_support(found.accepted, supported & ~alone))
         effects_left = tuple(np.where(alone, a, b) for a, b in zip(left[1], left[2], strict=True))
         gap = _gap(prepared, final[0], (left[0], left[1], effects_left))
-    named = [index for index, item in enumerate(found.accepted) if item.named]
-    named.sort(key=lambda index: -found.accepted[index].score)
-    effects = tuple(_named(found, index) for index in named)
-    probabilities = certainties(effects, gap, len(prepared.runs))
-    effects = tuple(replace(each, probability=p) for each, p in zip(effects, probabilities, strict=True))
+    named, effects = _named_effects(found, gap)
     if barred is None:
         verdict = _verdict(found, gap)
         sentence = sentence_of(robot, verdict, effects, found.unknown, gap, torque)
@@ -110,7 +106,12 @@ def diagnose(
         verdict=verdict,
         sentence=sentence,
         effects=effects if verdict == "effect" else (),
-        ranked=_ranked(found, dict(zip(named, probabilities, strict=True)) if verdict == "effect" else {}),
+        ranked=_ranked(
+            found,
+            {index: each.probability for index, each in zip(named, effects, strict=True)}
+            if verdict == "effect"
+            else {},
+        ),
         where=where(prepared, only, gap.noise_floor),
         gap=gap,
         prepared=prepared,
@@ -131,14 +132,24 @@ def diagnose(
     )
 
 
-def _hardly_seen(found: Attribution) -> NDArray[np.bool_]:
-    """Joints (n,) that move by themselves, or too little for a cause to be seen, and have none reported."""
+def _hardly_seen(found: Attribution, gap: Gap) -> NDArray[np.bool_]:
+    """Joints (n,) that move by themselves, or too little for a cause to be seen, and surely have none."""
     alone = found.prepared.by_itself | ~found.hypothesis.has_enough_samples
-    for item in found.accepted:
-        family = item.candidate.family
-        if item.named:
-            alone[[joint for joint in (family.joint, family.into) if joint is not None]] = False
+    if alone.any() and _verdict(found, gap) == "effect":
+        for each in _named_effects(found, gap)[1]:
+            if each.probability >= UNSURE:
+                alone[[joint for joint in (each.joint, each.into) if joint is not None]] = False
     return alone
+
+
+def _named_effects(found: Attribution, gap: Gap) -> tuple[list[int], tuple[NamedEffect, ...]]:
+    """The effects that are reported, strongest first, and their places among the accepted ones."""
+    named = [index for index, item in enumerate(found.accepted) if item.named]
+    named.sort(key=lambda index: -found.accepted[index].score)
+    effects = tuple(_named(found, index) for index in named)
+    probabilities = certainties(effects, gap, len(found.prepared.runs))
+    each_with = zip(effects, probabilities, strict=True)
+    return named, tuple(replace(each, probability=p) for each, p in each_with)
 
 
 def _without_doubtful(found: Attribution, supported: NDArray[np.bool_], sines: frozenset[int]) -> Attribution:

@@ -1,7 +1,7 @@
 """The jobs behind ``diagnose`` and ``predict``: logs in, results folder out."""
 
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
@@ -12,12 +12,13 @@ from recordings.checks import require_sound
 from testbench.effects import effects
 from testbench.excitation_file import write_excitation
 from testbench.files import require_writable
+from testbench.log import Recording
 from testbench.model_reading.reading import Choice
-from testbench.progress import steps
-from testbench.robot import load_robot, print_notes
+from testbench.progress import Steps, steps
+from testbench.robot import Robot, load_robot, print_notes
 from testbench.runs import by_path, logged_joints, read_runs, run_names
 
-from .correction.closed_loop_gap import forward_gap, gap_as_given
+from .correction.closed_loop_gap import ForwardGap, forward_gap, gap_as_given
 from .correction.corrected_mjcf import Written, write_corrected
 from .correction.prediction import DOCUMENT
 from .decision.findings import Diagnosis
@@ -57,11 +58,7 @@ def diagnose_logs(
     corrected.xml, report.html, session.rrd, next_experiment.json where one helps, and diagnosis.json,
     which is written last. Raises InputError.
     """
-    for name in without:
-        if name not in effects():
-            raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())
-    if cutoff is not None and not 0 < cutoff < np.inf:
-        raise InputError("diagnose", "--cutoff", "a frequency above 0, Hz", f"{cutoff:g}")
+    _require_valid(without, cutoff)
     require_writable(out / DOCUMENT)
     masses = dict(_stated(each, run_names(logs)) for each in payloads)
     robot = load_robot(model, choice, logged_joints(logs[0], map_path))
@@ -78,22 +75,76 @@ def diagnose_logs(
                 diagnosis = diagnose(robot, recordings, without, cutoff, masses, findings)
             except InputError as error:
                 raise by_path(error, logs) from None
-        with progress.step("corrected simulator"):
-            written = write_corrected(diagnosis, out / "corrected.xml")
-        with progress.step("closed loop and next experiment"):
-            closed = aside.submit(forward_gap, diagnosis, recordings, as_given.result(), jobs)
-            experiment = next_experiment(diagnosis, seed)
-            from .report import write_report, write_session
-
-            if experiment is not None and experiment.excitation is not None:
-                assert experiment.file is not None
-                write_excitation(experiment.excitation, out / experiment.file)
-            write_session(diagnosis, out / "session.rrd", experiment)
-            forward = closed.result()
-        with progress.step("report"):
-            write_report(diagnosis, out / "report.html", written, forward, experiment)
-            write_diagnosis(diagnosis, out / DOCUMENT, written, forward, experiment)
+        experiment, written = _write(diagnosis, recordings, out, seed, jobs, progress, aside, as_given)
     return diagnosis, experiment, written
+
+
+def diagnose_runs(
+    robot: Robot,
+    recordings: Mapping[str, Recording],
+    without: Sequence[str] = (),
+    cutoff: float | None = None,
+    payloads: Mapping[str, float] | None = None,
+) -> Diagnosis:
+    """Check the runs, by name, and diagnose them; nothing is written.
+
+    without, cutoff: as of ``diagnose_logs``. payloads: kg, known to be in one run and in no other, by its
+    name. Raises InputError.
+    """
+    _require_valid(without, cutoff)
+    for name in payloads or ():
+        if name not in recordings:
+            raise InputError("diagnose", "payloads", "the name of a run", repr(name), recordings)
+    findings = require_sound(robot, recordings, [Path(name) for name in recordings])
+    return diagnose(robot, recordings, without, cutoff, payloads, findings)
+
+
+def write_results(
+    diagnosis: Diagnosis, recordings: Mapping[str, Recording], out: Path, seed: int = 0
+) -> tuple[NextExperiment | None, Written]:
+    """Write to ``out`` all that ``diagnose_logs`` leaves. recordings: those diagnosed. Raises InputError."""
+    require_writable(out / DOCUMENT)
+    with steps() as progress, ThreadPoolExecutor(1) as aside:
+        as_given = aside.submit(gap_as_given, diagnosis.robot, recordings, None)
+        return _write(diagnosis, recordings, out, seed, None, progress, aside, as_given)
+
+
+def _write(
+    diagnosis: Diagnosis,
+    recordings: Mapping[str, Recording],
+    out: Path,
+    seed: int,
+    jobs: int | None,
+    progress: Steps,
+    aside: Executor,
+    as_given: Future[ForwardGap | None],
+) -> tuple[NextExperiment | None, Written]:
+    """Simulate the closed loop, find the next experiment, and write the folder. as_given: under way."""
+    with progress.step("corrected simulator"):
+        written = write_corrected(diagnosis, out / "corrected.xml")
+    with progress.step("closed loop and next experiment"):
+        closed = aside.submit(forward_gap, diagnosis, recordings, as_given.result(), jobs)
+        experiment = next_experiment(diagnosis, seed)
+        from .report import write_report, write_session
+
+        if experiment is not None and experiment.excitation is not None:
+            assert experiment.file is not None
+            write_excitation(experiment.excitation, out / experiment.file)
+        write_session(diagnosis, out / "session.rrd", experiment)
+        forward = closed.result()
+    with progress.step("report"):
+        write_report(diagnosis, out / "report.html", written, forward, experiment)
+        write_diagnosis(diagnosis, out / DOCUMENT, written, forward, experiment)
+    return experiment, written
+
+
+def _require_valid(without: Sequence[str], cutoff: float | None) -> None:
+    """Raise InputError for an effect that does not exist, or a frequency that none can be."""
+    for name in without:
+        if name not in effects():
+            raise InputError("diagnose", "without", "the name of an effect", repr(name), effects())
+    if cutoff is not None and not 0 < cutoff < np.inf:
+        raise InputError("diagnose", "--cutoff", "a frequency above 0, Hz", f"{cutoff:g}")
 
 
 def _stated(payload: str, runs: Sequence[str]) -> tuple[str, float]:

@@ -120,7 +120,8 @@ def _unknowns(base: BaseParameters, values: Array, root_information: Array, nomi
     basis = np.hstack([*blocks, *columns])
     links = len(blocks)
     masses = np.arange(MASS, len(nominal), PER_JOINT)
-    capped = masses[involved[masses] & (nominal[masses] > 0) & ~determined[masses]]
+    # Also masses that no base parameter holds: the pseudo-inertia's other entries draw them up.
+    capped = masses[np.any(basis[masses] != 0, axis=1) & ~determined[masses]]
     given = nominal[capped]
     room = HEAVIEST * nominal[masses].max() - given
     return _Unknowns(

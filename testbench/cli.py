@@ -28,9 +28,10 @@ from cyclopts import (
 from identification.errors import InputError
 
 from . import standard_streams
+from .blas import keep_blas_single
 from .commands import blind, effects, study
 from .commands.check import check
-from .commands.comparison import compare, list_names, view
+from .commands.comparison import compare, list_names, parity, scenarios, view
 from .commands.diagnosis import diagnose, loop, predict
 from .commands.identification import excite, identify, run, simulate
 from .commands.recordings import import_recordings
@@ -45,7 +46,20 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-for command in (run, excite, simulate, check, identify, diagnose, predict, loop, compare, view):
+for command in (
+    run,
+    excite,
+    simulate,
+    check,
+    identify,
+    diagnose,
+    predict,
+    loop,
+    compare,
+    parity,
+    scenarios,
+    view,
+):
     app.command(command)
 app.command(import_recordings, name="import")
 app.command(list_names, name="list")
@@ -59,13 +73,14 @@ OBJECTS_PER_SEARCH = 50_000
 atexit.register(gc.freeze)
 
 # What reads no logs and no models.
-WITHOUT_FILES, HELP = {"list", "view", "--version"}, {"--help", "-h"}
+WITHOUT_FILES, HELP = {"list", "scenarios", "view", "--version"}, {"--help", "-h"}
 # What an option wants that is not a word.
 NUMBERS: dict[type | None, str] = {int: "a whole number", float: "a number"}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the program and exit with its code."""
+    keep_blas_single()
     gc.set_threshold(OBJECTS_PER_SEARCH)
     standard_streams.prepare()
     # What Rerun complains of is told in our words, in one line.

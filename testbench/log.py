@@ -20,6 +20,7 @@ from .containment.child import contained
 from .drive import SIGNALS, Drive, check_drive, drive_units, is_signed, read_drive
 from .files import replacing, require_file
 from .hdf5 import CheckedFile, opened, write_hdf5
+from .html_table import html_table
 from .understood import in_order, in_seconds, spelled, without_gaps
 
 Array = NDArray[np.float64]
@@ -134,6 +135,35 @@ class Recording:
         """Whether the log says what the drives did by other than torque, as version 1.1 does."""
         stated = self.servo is not None or self.drive is not None
         return stated or any(getattr(self, name) is not None for name in SIGNALS)
+
+    def torque_units(self) -> tuple[str, ...]:
+        """Unit of each joint's torque: N·m for a hinge, N for a slide."""
+        slides = self.is_slide or (False,) * len(self.joint_names)
+        return tuple("N" if slide else "N·m" for slide in slides)
+
+    def _repr_html_(self) -> str:
+        """Each joint's range of motion and torque."""
+        rows = zip(
+            self.joint_names,
+            self.position.min(axis=0).tolist(),
+            self.position.max(axis=0).tolist(),
+            np.sqrt(np.mean(self.torque**2, axis=0)).tolist(),
+            np.abs(self.torque).max(axis=0).tolist(),
+            strict=True,
+        )
+        seconds = self.time[-1] - self.time[0]
+        about = f"{self.robot}: {seconds:.4g} s at {self.sample_rate:.4g} Hz, {self.source}"
+        headings = ("joint", "position from, rad (m)", "to", "torque RMS, N·m (N)", "largest")
+        return html_table(headings, rows, (about,))
+
+    def plot(self) -> Any:
+        """Position, and torque where it was measured, over time, as a plotly figure."""
+        from .report.run_figures import by_quantity
+
+        shown = {"position, rad (m)": self.position}
+        if self.has_torque:
+            shown["torque, N·m (N)"] = self.torque
+        return by_quantity(self.time, shown, self.joint_names)
 
 
 def with_channels(recording: Recording, time: Array, change: Callable[[str, Array], Array]) -> Recording:

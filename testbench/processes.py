@@ -10,6 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from types import FrameType
 
+from .blas import keep_blas_single
 from .containment.reader import end_with_parent
 
 # s between a worker's looks for its parent.
@@ -39,7 +40,7 @@ def process_pool(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
 
 def _begin(parent: int) -> None:
     """Set up a worker: the cases share the cores, not the parts of a case."""
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    keep_blas_single()
     end_with_parent(parent)
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
     # A terminal interrupts every process; this one is ended by its parent.

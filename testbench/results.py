@@ -1,6 +1,7 @@
 """What one identification run leaves behind for the summary, the report and the Rerun session."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from identification.shrinkage import Shrinkage
 from identification.statistics import EssentialParameters, ResidualTests
 from recordings.checks.finding import Finding
 
+from .html_table import html_table
 from .log import Recording
 from .robot import Robot
 
@@ -69,3 +71,20 @@ class IdentificationResult:
         if self.essential is None:
             return (None,) * count
         return tuple(index in self.essential.kept for index in range(count))
+
+    def _repr_html_(self) -> str:
+        """The headline, and the torque error of each joint."""
+        from .findings import headline, left_open, torque_error
+
+        errors = {"fit": torque_error(self.fits), "validation": torque_error(self.validations)}
+        known = {role: error for role, error in errors.items() if error is not None}
+        headings = [cell for role in known for cell in (f"{role}, RMS", f"{role}, % of torque")]
+        columns = [each.tolist() for error in known.values() for each in (error.rms, 100 * error.relative)]
+        rows = zip(self.robot.joint_names, self.robot.units(), *columns, strict=True)
+        return html_table(("joint", "unit", *headings), rows, (headline(self), *left_open(self)))
+
+    def plot(self) -> Any:
+        """Measured and predicted torque of a run, not a fitted one where there is one, as a plotly figure."""
+        from .report.figures import judged_run, torque
+
+        return torque(judged_run(self), self.robot.joint_names, self.robot.units())

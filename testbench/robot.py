@@ -15,8 +15,10 @@ from identification.errors import InputError
 from .containment.child import contained
 from .containment.model import EXPECTED, require_readable, require_sound_model
 from .files import require_file
+from .html_table import html_table
 from .model_reading.limits import Limits, model_limits
 from .model_reading.reading import Choice, Source, read_model
+from .shipped import shipped
 from .unmodelled_forces import unmodelled_forces
 
 Array = NDArray[np.float64]
@@ -72,6 +74,14 @@ class Robot:
         """Unit of each joint's torque: N·m for a hinge, N for a slide."""
         return tuple("N" if slide else "N·m" for slide in self.chain.is_slide)
 
+    def _repr_html_(self) -> str:
+        """Each joint's limits."""
+        limits = self.limits
+        shown = (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.torque)
+        rows = zip(self.joint_names, *(each.tolist() for each in shown), self.units(), strict=True)
+        headings = ("joint", "from, rad (m)", "to", "speed, rad/s", "acceleration, rad/s²", "torque", "unit")
+        return html_table(headings, rows, (f"{self.name}: {self.described}",))
+
 
 def load_robot(path: str | Path, choice: Choice | None = None, logged: Sequence[str] | None = None) -> Robot:
     """Read an MJCF or a URDF.
@@ -84,9 +94,10 @@ def load_robot(path: str | Path, choice: Choice | None = None, logged: Sequence[
     of a motor on the joint), rated speeds from a URDF's ``<limit velocity>``. What neither format has a
     field for comes from ``<custom><numeric name="velocity_limit" data="..."/>`` and ``acceleration_limit``,
     rad/s and rad/s², one value a joint. Forces that identification does not know are left out of a corrected
-    simulator, with a note; any other model that has some is refused. Raises InputError.
+    simulator, with a note; any other model that has some is refused. A model that is not there may be one of
+    those shipped. Raises InputError.
     """
-    path = Path(path)
+    path = shipped(path)
     require_file(path, "model", "an existing MJCF or URDF file")
     source = Source(path, choice or Choice(), None if logged is None else tuple(logged))
     if path.suffix == ".xacro":

@@ -21,6 +21,19 @@ from .robot import Limits, Robot
 def read_runs(paths: Sequence[Path], robot: Robot, map_path: Path | None = None) -> list[Recording]:
     """The recordings of these logs, in their order; what was guessed of other formats is printed.
 
+    As ``opened_runs``.
+    """
+    recordings, lines = opened_runs(paths, robot, map_path)
+    for line in lines:
+        print(line)
+    return recordings
+
+
+def opened_runs(
+    paths: Sequence[Path], robot: Robot, map_path: Path | None = None
+) -> tuple[list[Recording], list[str]]:
+    """The recordings of these logs, in their order, and lines on what was guessed of other formats.
+
     map_path: how recordings that are no robot-logs are read; else a map beside them, or a guess. Joints in
     another order are sorted by name, and positions in degrees converted. Raises InputError for a log whose
     joints are not the robot's, and for a run that is given twice, be it under another name: no run may speak
@@ -39,9 +52,7 @@ def read_runs(paths: Sequence[Path], robot: Robot, map_path: Path | None = None)
         for earlier in range(later):
             if _is_same(recordings[earlier], recordings[later]):
                 raise InputError(path, "log", "each run once", f"the run of {paths[earlier]} again")
-    for line in lines:
-        print(line)
-    return recordings
+    return recordings, lines
 
 
 @dataclass(frozen=True)

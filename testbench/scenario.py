@@ -17,6 +17,7 @@ from identification.parameters import DEFAULT_GROUPS
 from .containment.names import FolderName, require_free
 from .containment.shape import require_shape
 from .model_reading.reading import Choice
+from .shipped import shipped
 from .yaml_file import read_fields
 
 # Files that a run leaves in its folder, where the variants' folders are.
@@ -201,7 +202,7 @@ def load_scenario(path: str | Path) -> tuple[Scenario, dict[str, Scenario]]:
 
     Raises InputError naming the file, the field, what was expected and what came.
     """
-    path = Path(path)
+    path = shipped(path)
     content = read_fields(path, flags=("fix_base",))
     variants = content.pop("variants", None) or {}
     if not isinstance(variants, dict) or not all(isinstance(v, dict) for v in variants.values()):

@@ -2,7 +2,6 @@ from pathlib import Path
 
 import pytest
 
-import identification  # noqa: F401  keeps BLAS on one thread, if it comes before numpy
 from testbench.log import Recording
 from testbench.robot import Robot
 

@@ -15,11 +15,11 @@ from identification.parameters import GROUPS
 from identification.pipeline import IdentificationOptions
 from testbench.cli import main
 from testbench.comparison import compare_with_truth
-from testbench.identify import identify_recordings
+from testbench.jobs.identify import identify_recordings
+from testbench.jobs.run import simulation_options
 from testbench.log import read_log
 from testbench.results import IdentificationResult
 from testbench.robot import load_robot
-from testbench.run import simulation_options
 from testbench.scenario import load_scenario
 from testbench.simulation import sample_reference, simulate
 

@@ -9,9 +9,9 @@ from identification.errors import InputError
 from identification.inverse_dynamics import inverse_dynamics
 from identification.parameters import pseudo_inertia
 from testbench.background import background
+from testbench.jobs.run import run_scenario, simulation_options
 from testbench.model_error import ModelError, nominal_model, nominal_parameters
 from testbench.robot import Robot, load_robot
-from testbench.run import run_scenario, simulation_options
 from testbench.scenario import load_scenario
 from testbench.simulation import SimulationOptions, sample_reference, simulate
 

@@ -11,7 +11,7 @@ from identification.errors import InputError
 from identification.excitation.design import DesignOptions, random_excitation
 from testbench.clearance import clearance_of
 from testbench.design_limits import CAUTIOUS_SLIDE, CAUTIOUS_SPEED, design_limits
-from testbench.excite import CLEARANCE, design_room, excite_model
+from testbench.jobs.excite import CLEARANCE, design_room, excite_model
 from testbench.robot import Robot, load_robot
 
 INERTIAL = (

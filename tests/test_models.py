@@ -4,7 +4,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import pinocchio
 import pytest
 
 from identification.base_parameters import base_parameters
@@ -19,9 +18,8 @@ from identification.parameters import (
     pseudo_inertia,
 )
 from identification.regressor import regressor
+from testbench.jobs.parity import mujoco_torques, pinocchio_model, pinocchio_torques
 from testbench.robot import Robot, load_robot
-
-from .mujoco_torque import mujoco_torques
 
 MODELS = Path(__file__).parents[1] / "models"
 EXTERIOR_GROUP, COLLISION_GROUP = 2, 3
@@ -60,12 +58,6 @@ def random_states(robot: Robot, count: int, seed: int) -> tuple[np.ndarray, np.n
     rng = np.random.default_rng([seed, 1])
     dq, ddq = rng.uniform(-1, 1, (2, count, robot.joints))
     return random_poses(robot, count, seed), dq * robot.limits.velocity, ddq * robot.limits.acceleration
-
-
-def pinocchio_torques(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-    model = pinocchio.buildModelFromMJCF(str(robot.path))
-    data = model.createData()
-    return np.array([pinocchio.rnea(model, data, *state) for state in zip(q, dq, ddq, strict=True)])
 
 
 def contacts(robot: Robot, q: np.ndarray) -> set[frozenset[str]]:
@@ -121,7 +113,8 @@ def test_regressor_mujoco_and_pinocchio_agree(robot: Robot) -> None:
     standard = robot.parameters.reshape(robot.joints, PER_JOINT)
     coulomb = standard[:, COULOMB] * np.sign(dq)
     by_mujoco = mujoco_torques(mujoco.MjModel.from_xml_path(str(robot.path)), q, dq, ddq) + coulomb
-    by_pinocchio = pinocchio_torques(robot, q, dq, ddq) + standard[:, VISCOUS] * dq + coulomb
+    rigid = pinocchio_torques(pinocchio_model(robot), robot.joint_names, q, dq, ddq)
+    by_pinocchio = rigid + standard[:, VISCOUS] * dq + coulomb
     by_regressor = regressor(robot.chain, q, dq, ddq) @ robot.parameters
     np.testing.assert_allclose(by_regressor, by_mujoco, rtol=0, atol=1e-9)
     np.testing.assert_allclose(by_pinocchio, by_mujoco, rtol=0, atol=1e-9)

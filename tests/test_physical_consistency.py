@@ -84,6 +84,25 @@ def test_no_link_is_written_that_outweighs_all_of_the_model(nominal):
     assert masses[1:].max() <= HEAVIEST * given.reshape(-1, PER_JOINT)[:, MASS].max()
 
 
+def test_a_mass_that_no_torque_depends_on_is_bounded_too(tmp_path):
+    path = tmp_path / "wrist.xml"
+    path.write_text(
+        '<mujoco><worldbody><body><inertial pos="0 0 .1" mass="3" diaginertia=".02 .02 .02"/>'
+        '<joint axis="0 0 1"/><body><inertial pos=".2 0 0" mass="2" diaginertia=".01 .03 .03"/>'
+        '<joint axis="0 1 0"/></body></body></worldbody></mujoco>'
+    )
+    robot = load_robot(path)
+    base, given = base_parameters(robot.chain, ("inertial",)), robot.parameters
+    masses = np.arange(MASS, len(given), PER_JOINT)
+    assert not base.projection[:, masses].any()
+    asked = given.reshape(-1, PER_JOINT).copy()
+    asked[1, :9] *= 30
+    values = base.values(asked.ravel())
+    scale = np.maximum(np.abs(values), 1e-3)
+    standard = consistent_standard_parameters(base, values, np.diag((0.01 * scale) ** 2), given)
+    assert standard[masses].max() <= HEAVIEST * 3
+
+
 def test_rotors_stay_of_a_size_that_the_models_own_make_likely(nominal):
     base, given = nominal
     asked = given.reshape(-1, PER_JOINT).copy()

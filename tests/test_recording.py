@@ -7,10 +7,10 @@ import pytest
 from rerun.chunk import RrdReader
 
 from identification.errors import InputError
+from testbench.jobs.view import view
 from testbench.recording import PLOT_RATE, POSE_RATE, write_session
 from testbench.results import IdentificationResult
 from testbench.scene import body_poses
-from testbench.view import view
 
 from .synthetic import ARM, synthetic_result, synthetic_robot, without_truth
 

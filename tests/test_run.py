@@ -10,9 +10,9 @@ from rerun.chunk import RrdReader
 
 from identification.errors import InputError
 from testbench.excitation_file import read_trajectory
+from testbench.jobs.run import run_scenario
 from testbench.log import read_log
 from testbench.results import IdentificationResult
-from testbench.run import run_scenario
 
 from .small_arm import ARM, SCENARIO
 
@@ -166,7 +166,7 @@ def test_an_interrupted_run_leaves_no_half_file(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(f"testbench.run.{last}", interrupted)
+    monkeypatch.setattr(f"testbench.jobs.run.{last}", interrupted)
     with pytest.raises(KeyboardInterrupt):
         run_scenario(scenario_file(tmp_path), tmp_path / "out")
     written = sorted(path.name for path in (tmp_path / "out").iterdir())

@@ -8,9 +8,9 @@ import pytest
 
 from identification.errors import InputError
 from testbench.cli import main
+from testbench.jobs.simulate import torque_noise
 from testbench.log import read_log
 from testbench.robot import Robot
-from testbench.simulate import torque_noise
 from testbench.simulation import (
     ControllerOptions,
     Reference,

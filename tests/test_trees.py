@@ -18,8 +18,8 @@ from identification.inverse_dynamics import inverse_dynamics, mass_matrices
 from identification.parameters import COULOMB, GROUPS, INERTIAL, PER_JOINT, VISCOUS, pseudo_inertia
 from identification.regressor import regressor
 from identification.regressor_adjoint import regressor_adjoint
+from testbench.jobs.parity import mujoco_torques
 
-from .mujoco_torque import mujoco_torques
 from .trees import Tree, tree_xml, trees
 
 SAMPLES = 5

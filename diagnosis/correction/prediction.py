@@ -64,14 +64,42 @@ def predict(
     require_writable(out, log, Path(directory) / DOCUMENT)
     model = read_diagnosed(directory)
     recording = read_motion(log, model.chain, model.limits, map_path)
+    predicted, band = predict_along(model, recording, log, raw)
+    write_prediction(recording, predicted, band, out, {"diagnosis": Path(directory).name, "log": log.name})
+    samples, joints = predicted.corrected.shape
+    print(f"{out}: predicted torque of {joints} joints at {samples} instants of {log}")
+    return predicted
+
+
+def predict_along(
+    model: Corrected, recording: Recording, log: Path, raw: bool = False
+) -> tuple[PredictedTorque, Array | None]:
+    """The torque along a recording's motion, and the corner (n,) Hz of each joint's low-pass, None if raw.
+
+    log: the recording's file, which errors name. Raises InputError.
+    """
     require_plausible_motion(recording, model.chain, model.limits, log)
     try:
         predicted = predict_torque(model, recording)
     except InputError as error:
         raise by_path(error, [log]) from None
+    if raw:
+        return predicted, None
     band = np.minimum(model.band, filter_cutoff(recording.sample_rate))
-    if not raw:
-        predicted = in_band(predicted, recording.sample_rate, band)
+    return in_band(predicted, recording.sample_rate, band), band
+
+
+def write_prediction(
+    recording: Recording,
+    predicted: PredictedTorque,
+    band: Array | None,
+    out: Path,
+    provenance: dict[str, str] | None = None,
+) -> None:
+    """Write a robot-log with the recording's motion and the corrected model's torque, the others beside it.
+
+    predicted, band: of ``predict_along``.
+    """
     written = Recording(
         robot=recording.robot,
         joint_names=recording.joint_names,
@@ -80,26 +108,24 @@ def predict(
         time=recording.time,
         position=recording.position,
         torque=predicted.corrected,
-        provenance={"diagnosis": Path(directory).name, "log": Path(log).name},
+        provenance=provenance or {},
         is_slide=recording.is_slide,
     )
     out.parent.mkdir(parents=True, exist_ok=True)
     beside = {"nominal/torque": predicted.nominal, "parameters/torque": predicted.parameters}
-    write_log(written, out, beside, None if raw else band)
-    samples, joints = predicted.corrected.shape
-    print(f"{out}: predicted torque of {joints} joints at {samples} instants of {log}")
-    return predicted
+    write_log(written, out, beside, band)
 
 
 def in_band(predicted: PredictedTorque, sample_rate: float, band: Array) -> PredictedTorque:
     """The torques with each joint's low-passed at its corner, (n,) Hz, as a fit has it."""
-
-    def filtered(torque: Array) -> Array:
-        columns = zip(torque.T, band.tolist(), strict=True)
-        return np.column_stack([zero_phase_lowpass(own, sample_rate, corner) for own, corner in columns])
-
     torques = (predicted.nominal, predicted.parameters, predicted.corrected)
-    return PredictedTorque(*(filtered(torque) for torque in torques))
+    return PredictedTorque(*(low_passed(torque, sample_rate, band) for torque in torques))
+
+
+def low_passed(torque: Array, sample_rate: float, band: Array) -> Array:
+    """A torque (N, n) with each joint's low-passed at its corner, (n,) Hz."""
+    columns = zip(torque.T, band.tolist(), strict=True)
+    return np.column_stack([zero_phase_lowpass(own, sample_rate, corner) for own, corner in columns])
 
 
 def read_diagnosed(directory: Path) -> Corrected:

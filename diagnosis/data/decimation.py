@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from identification.compiled import njit
 from identification.filtering import decimation_step, zero_phase_lowpass
 from testbench.effects.signature import Window
 

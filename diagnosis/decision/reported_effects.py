@@ -1,4 +1,4 @@
-"""Rules for reporting an accepted effect: it is larger than on healthy robots and has no equal rival.
+"""Rules for reporting an accepted effect: it is larger than on healthy robots, and no law's rest.
 
 It is judged when it is accepted, and again where effects found later make it seen more clearly.
 """
@@ -9,53 +9,28 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.parameters import OFFSET as OFFSET_TORQUE
 from testbench.effects.push import begin_with_runs
 from testbench.robot import Robot
 
 from ..data.preparation import Prepared
 from ..fit.likelihood import Weighed, gained, gained_by_shift
 from ..fit.normal_equations import Fit, squares
-from ..fit.score import Gain, Stage
+from ..fit.score import Stage
 from ..model.base_regressor import Ground, ground
 from ..model.candidates import SATURATION, Candidate
-from ..model.effect_sizes import (
-    CABLE,
-    GAIN,
-    OFFSET,
-    WARMING,
-    is_beyond_healthy,
-    is_excessive,
-    moves_little,
-    times_healthy,
-)
+from ..model.effect_sizes import is_beyond_healthy, is_excessive, times_healthy
 from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
-from ..plausibility.accepted import COUPLING, Accepted, is_rest, without_one
+from ..plausibility.accepted import Accepted, is_rest, without_one
 from ..plausibility.materiality import is_certainly_beyond, is_obvious
 from ..plausibility.prominence import is_main
-from ..plausibility.single_effect import OF_EVERY_JOINT, is_alone
-from ..residual.unexplained import Unclaimed
 from .found import Found
 
 Array = NDArray[np.float64]
 
-# A rival of this probability explains it as well.
-AS_WELL = 0.25
 # Share of a joint's squared residual that half the motion determines for sure.
 NEARLY_ALL = 0.8
-# Beside what no effect explains, one that takes off this share of it may be a trace of the same.
-DWARFED = 0.05
-# Squared deviations from zero that are left at last, as effects accepted later may explain the same; a gain
-# error accepted at three deviations, as wrists' are, must be four from zero.
-AT_LAST, GAIN_AT_LAST = 9.0, 16.0
-# Joints that move alike share what bristles leave: a drive that two share moves one of them by this share of
-# its torque; or takes off this share of what is left there, and is so many times a healthy robot's. Or it
-# takes off this, and is more than a healthy one's by either of its joints.
-LEAST_COUPLED, ALL_COUPLED, FAR_COUPLED = 0.025, 0.9, 3.0
-NEARLY_ALL_COUPLED = 0.95
-# Any joint warms, by this share of its friction in these runs; and an effect that predicts less than this
-# share of its joint's residual is no cable.
-WARMED, FORETOLD_BY_CABLE = 0.02, 0.1
+# Squared deviations from zero that are left at last, as effects accepted later may explain the same.
+AT_LAST = 9.0
 
 
 def accepted_as(
@@ -72,22 +47,14 @@ def accepted_as(
     """
     best, torque_rms = found.best, stage.ground.torque_rms
     own = best.candidate, found.trial[1].values[-best.candidate.count :]
-    as_well = [(w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL]
     obvious = is_obvious(sized, stage, best.gain)
-    alone = is_alone(sized, stage, best, own[1], before, rest)
     share = float(stage.shares(best.gain).max())
-    shared = is_nearly_all_shared(sized, stage, best.gain)
-    beyond = alone or shared or is_beyond_healthy(sized, torque_rms, *own)
-    # Where an imperfection of healthy size would explain it as well, nothing else need be there.
-    beyond = beyond and all(is_beyond_healthy(sized, torque_rms, *each) for each in as_well)
-    beyond = (obvious or beyond) and not (is_excessive(sized, *own, share) or moves_little(torque_rms, *own))
-    shift = gained_by_shift(stage, best.gain)
-    beyond = beyond and couples(sized, stage, best.gain) and warms(stage, *own)
-    beyond = beyond and is_borne_out(best.candidate.family.effect, share, shift)
+    beyond = obvious or is_beyond_healthy(sized, torque_rms, *own)
+    beyond = beyond and not is_excessive(sized, *own, share)
     beyond = beyond and not is_how_runs_begin(stage.prepared, best.candidate)
     # What a push leaves is where it was.
     firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
-    main = alone or is_main(sized, apart, stage, best, firsts, rest)
+    main = is_main(sized, apart, stage, best, firsts, rest)
     certain = found.is_certain(stage)
     samples = stage.independent[list(best.candidate.member.rows)]
     # An effect of the whole robot shows at all joints.
@@ -104,38 +71,12 @@ def accepted_as(
         score=best.score,
         share=share,
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
-        shift=shift,
+        shift=gained_by_shift(stage, best.gain),
         named=bool(beyond and main and certain and enough),
         is_certain=certain,
         is_trace=found.is_trace,
-        by_size=not (obvious or alone or shared),
-        is_alone=alone and not obvious,
+        by_size=not obvious,
     )
-
-
-def couples(sized: Robot, stage: Stage, gain: Gain) -> bool:
-    """Whether a shared drive moves either of its joints, or explains nearly all of a residual there.
-
-    True of any other effect.
-    """
-    moved, share = float(stage.torque_shares(gain).max()), float(stage.shares(gain).max())
-    if gain.candidate.family.effect != COUPLING or moved > LEAST_COUPLED:
-        return True
-    if is_nearly_all_shared(sized, stage, gain):
-        return True
-    return share > ALL_COUPLED and is_certainly_beyond(sized, stage, gain, FAR_COUPLED)
-
-
-def is_nearly_all_shared(sized: Robot, stage: Stage, gain: Gain) -> bool:
-    """Whether a shared drive explains nearly all of a joint's residual and is beyond healthy by the other.
-
-    A coupling of two joints may be little next to the friction of the first of them.
-    """
-    family = gain.candidate.family
-    if family.into is None or float(stage.shares(gain).max()) < NEARLY_ALL_COUPLED:
-        return False
-    turned = replace(gain.candidate, family=replace(family, joint=family.into, into=family.joint))
-    return is_certainly_beyond(sized, stage, replace(gain, candidate=turned))
 
 
 def is_how_runs_begin(prepared: Prepared, each: Candidate) -> bool:
@@ -144,33 +85,6 @@ def is_how_runs_begin(prepared: Prepared, each: Candidate) -> bool:
     So do brakes that are let go, and friction that held a joint before the log.
     """
     return each.is_event and begin_with_runs([run.logged for run in prepared.runs], each.member.columns)
-
-
-def is_borne_out(name: str, share: float, shift: float) -> bool:
-    """Whether an offset or a cable is supported: by the parameters' shift, or by held-out runs; others are.
-
-    share: of the held-out residual that it predicts. shift: log-likelihood that the parameters' shift spares
-    with it.
-    """
-    if name == OFFSET:
-        return shift >= 0
-    return name != CABLE or share >= FORETOLD_BY_CABLE
-
-
-def warms(stage: Stage, each: Candidate, coefficients: Array) -> bool:
-    """Whether friction that warms falls enough in these runs; True of any other effect.
-
-    coefficients: (2,) of its viscous and Coulomb part.
-    """
-    joint = each.family.joint
-    if each.family.effect != WARMING or joint is None:
-        return True
-    lost = np.concatenate([run[:, 0] @ coefficients for run in each.filtered])
-    friction = [
-        run.filtered(run.logged.friction[:, [joint]] - run.logged.table[joint, OFFSET_TORQUE], [joint])
-        for run in stage.prepared.runs
-    ]
-    return bool(np.mean(lost**2) > WARMED**2 * np.mean(np.concatenate(friction) ** 2))
 
 
 def judged_again(
@@ -200,10 +114,7 @@ def told_apart_at_last(
         for place, (item, own) in enumerate(zip(accepted, last.hypothesis.parts, strict=True))
         if not (item.named or item.is_everywhere or item.is_trace or is_rest(item, accepted))
         and item.is_certain
-        and (
-            item.candidate.family.effect in OF_EVERY_JOINT
-            or is_beyond_healthy(sized, base.torque_rms, item.candidate, values[own])
-        )
+        and is_beyond_healthy(sized, base.torque_rms, item.candidate, values[own])
     ]
     apart = _of_robots(base, accepted) if hidden else last
     for place in hidden:
@@ -240,8 +151,7 @@ def as_fitted_at_last(
     """The accepted effects with their final shapes and sizes, as fitted to all runs together.
 
     An effect is no longer reported where it is larger than any gear has it, no larger than on a healthy
-    robot, or not distinguished from zero; nor one reported because it was the only one, where another joint
-    has an unreported effect as large for it.
+    robot, or not distinguished from zero.
     """
     found, torque_rms = [], ground(hypothesis.prepared).torque_rms
     times = [
@@ -254,30 +164,8 @@ def as_fitted_at_last(
         own = candidate, fitted.values[part]
         named = item.named and not is_excessive(sized, *own, item.share)
         named = named and (not item.by_size or size > 1)
-        named = named and not (item.is_alone and size <= 1 and _is_another(accepted, times, item, size))
-        least = GAIN_AT_LAST if candidate.family.effect == GAIN else AT_LAST
         # A limit that the drive reports leaves no gap, and a push is recognised by its time.
         elsewhere = candidate.is_event or candidate.family.effect == SATURATION
-        named = named and (elsewhere or fitted.wald(part) > least)
+        named = named and (elsewhere or fitted.wald(part) > AT_LAST)
         found.append(replace(item, candidate=candidate, named=named))
     return found
-
-
-def _is_another(accepted: Sequence[Accepted], times: Sequence[float], own: Accepted, size: float) -> bool:
-    """Whether another joint certainly has an unreported effect that is as large.
-
-    times: size of each effect as a multiple of a healthy joint's. size: that of this one.
-    """
-    here = (own.candidate.family.joint, None)
-    return any(
-        item.is_certain and not item.named and item.candidate.family.joint not in here and each >= size
-        for item, each in zip(accepted, times, strict=True)
-    )
-
-
-def is_dwarfed(item: Accepted, unknown: Sequence[Unclaimed], last: Stage) -> bool:
-    """Whether an unexplained residual is at the effect's joint, or far larger than the effect explains."""
-    misfit = [each.joint for each in unknown]
-    left = last.held_squares / np.maximum(last.counts, 1) / last.ground.torque_rms**2
-    largest = float(np.max(left[misfit], initial=0.0))
-    return item.candidate.family.joint in misfit or item.worth < DWARFED * largest

@@ -1,5 +1,7 @@
 """Least squares against columns of which some are taken out first, in an order that does not vary."""
 
+from collections.abc import Callable, Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,16 +11,31 @@ RIDGE = 1e-10
 BLOCK = 16
 
 
-def projected_gram(columns: Array, base: int) -> Array:
-    """Inner products of the columns (R, c), what the first ``base`` of them span taken out, (c, c)."""
-    norms = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-    scaled = columns / norms
-    # Products too small for BLAS to share among threads, which could change the order of its sums.
-    blocks = np.zeros((-(-len(scaled) // BLOCK), BLOCK, scaled.shape[1]))
-    blocks.reshape(-1, scaled.shape[1])[: len(scaled)] = scaled
-    gram = np.sum(blocks.transpose(0, 2, 1) @ blocks, axis=0)
+def projected_gram(parts: Callable[[], Iterable[Array]], base: int) -> Array:
+    """Inner products of columns, what the first ``base`` of them span taken out, (c, c).
+
+    parts: gives the columns' rows (R, c), part by part; all parts but the last have a multiple of BLOCK.
+    """
+    norms = np.maximum(np.sqrt(_summed(part**2 for part in parts())), np.finfo(float).tiny)
+    gram = _summed(_products(part / norms) for part in parts())
     inner = gram[:base, :base] + RIDGE * np.eye(base)
     return np.asarray((gram - gram[:, :base] @ np.linalg.solve(inner, gram[:base])) * np.outer(norms, norms))
+
+
+def _products(rows: Array) -> Array:
+    """Products (B, c, c) of BLOCK rows each: too small for BLAS to share among threads and reorder."""
+    blocks = np.zeros((-(-len(rows) // BLOCK), BLOCK, rows.shape[1]))
+    blocks.reshape(-1, rows.shape[1])[: len(rows)] = rows
+    return blocks.transpose(0, 2, 1) @ blocks
+
+
+def _summed(parts: Iterable[Array]) -> Array:
+    """Sum along the first axis of all parts, in their order whatever the parts are."""
+    total: Array | None = None
+    for part in parts:
+        total = np.sum(part if total is None else np.concatenate([total[None], part]), axis=0)
+    assert total is not None
+    return total
 
 
 def _nearest(gram: Array, y: int, span: slice) -> Array:

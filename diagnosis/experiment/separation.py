@@ -7,8 +7,9 @@ from its rival j is what no choice of the rival's coefficients and of the base p
     T_ij = min over c, theta of |W^(1/2) (eta_i - Z_j c - Y theta)|².
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +24,16 @@ from testbench.effects.signature import Logged
 from ..data.decimation import decimating_filter
 from ..data.preparation import DEAD_ZONE, filter_cutoff
 from ..decision.findings import Diagnosis
-from .projection import left, projected_gram
+from .projection import BLOCK, left, projected_gram
 from .rival_size import sized
 from .rivals import Open
 
 Array = NDArray[np.float64]
 
 SAMPLE_RATE = 200.0
-# Columns (N, r, k) and the r joints that they reach.
+# Bytes of the regressor that are filtered at once, and of all columns that are multiplied at once.
+MOST_AT_ONCE, MOST_MULTIPLIED = 1 << 27, 1 << 23
+# Filtered columns (M, r, k) and the r joints that they reach.
 Block = tuple[Array, Sequence[int]]
 
 
@@ -74,8 +77,11 @@ class Separation:
         a run was logged at, it is judged at that of the motions.
         """
         logged = logged.foretold().thinned(max(int(logged.sample_rate / SAMPLE_RATE), 1))
-        base = regressor(logged.chain, logged.q, logged.dq, logged.ddq, self.columns)
-        blocks: list[Block] = [(base, range(logged.joints))]
+        lowpass = decimating_filter(logged.sample_rate, filter_cutoff(logged.sample_rate))
+        blocks: list[Block] = []
+        for columns in np.array_split(self.columns, -(-len(self.columns) * logged.q.nbytes // MOST_AT_ONCE)):
+            base = regressor(logged.chain, logged.q, logged.dq, logged.ddq, columns)
+            blocks.append((lowpass(base), range(logged.joints)))
         count = len(self.columns)
         added: list[int | None] = []
         spans: list[list[slice]] = []
@@ -85,15 +91,16 @@ class Separation:
             added.append(None)
             if member is not None and size is not None:
                 torque = np.einsum("trk,k->tr", member.columns[0], size.coefficients)
-                blocks.append((torque[:, :, None], member.rows))
+                blocks.append((lowpass(torque[:, :, None]), member.rows))
                 added[-1] = count
                 count += 1
             spans.append([])
             for one in family.members if self.open.confused else ():
-                blocks.append((one.columns[0], one.rows))
+                blocks.append((lowpass(one.columns[0]), one.rows))
                 spans[-1].append(slice(count, count + one.count))
                 count += one.count
-        gram = projected_gram(self._rows(logged, blocks, count), len(self.columns))
+        moving = np.abs(logged.dq[lowpass.kept(logged.samples)]) > DEAD_ZONE
+        gram = projected_gram(partial(self._parts, blocks, moving), len(self.columns))
         out = np.full(len(added), np.nan)
         for i, (y, size) in enumerate(zip(added, self.sized, strict=True)):
             if y is not None:
@@ -103,14 +110,17 @@ class Separation:
                 out[i] = 0.0
         return out
 
-    def _rows(self, logged: Logged, blocks: Sequence[Block], count: int) -> Array:
-        """All columns filtered, decimated, over the noise, without rest: (M n, count)."""
-        lowpass = decimating_filter(logged.sample_rate, filter_cutoff(logged.sample_rate))
-        kept = lowpass.kept(logged.samples)
-        out = np.zeros((len(kept), logged.joints, count))
-        column = 0
-        for columns, reached in blocks:
-            out[:, list(reached), column : column + columns.shape[2]] = lowpass(columns)
-            column += columns.shape[2]
-        moving = np.abs(logged.dq[kept]) > DEAD_ZONE
-        return (out * (np.sqrt(self.weights) * moving)[:, :, None]).reshape(-1, count)
+    def _parts(self, blocks: Sequence[Block], moving: NDArray[np.bool_]) -> Iterator[Array]:
+        """Rows of all columns over the noise, part by part: (m n, c). moving: (M, n), joints not at rest."""
+        samples, joints = moving.shape
+        count = sum(columns.shape[2] for columns, _ in blocks)
+        step = BLOCK * max(MOST_MULTIPLIED // (8 * BLOCK * joints * count), 1)
+        weights = np.sqrt(self.weights) * moving
+        for first in range(0, samples, step):
+            part = slice(first, first + step)
+            out = np.zeros((len(weights[part]), joints, count))
+            column = 0
+            for columns, reached in blocks:
+                out[:, list(reached), column : column + columns.shape[2]] = columns[part]
+                column += columns.shape[2]
+            yield (out * weights[part, :, None]).reshape(-1, count)

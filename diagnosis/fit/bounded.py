@@ -1,10 +1,11 @@
 """Quadratics within bounds: one of many unknowns, or many of a few at once."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import lsq_linear
+
+from identification.compiled import njit
 
 Array = NDArray[np.float64]
 

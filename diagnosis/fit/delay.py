@@ -133,23 +133,16 @@ class _Shifted:
 
         parts: of a run, what is added to its torque: how many times, what (M, n) and X' of it (n, p).
         """
-        base, joints = self.base, range(self.base.joints)
-        gap, xy = [], self.xy
+        base, gap, xy = self.base, [], self.xy
         for left, of_run in zip(base.gap, parts, strict=True):
             for times, moved, products in of_run:
                 left, xy = left + times * moved, xy + times * products
             gap.append(left)
         values = solve(self.matrix, self.weights @ xy, self.lower, self.upper)
-        y = base.rows(gap)
-        squares = np.array(
-            [
-                sum(
-                    float(np.sum((own[j] - x[j] @ values[self.hypothesis.loading[j]]) ** 2))
-                    for x, own in zip(self.hypothesis.x, y, strict=True)
-                )
-                for j in joints
-            ]
-        )
+        squares = np.zeros(base.joints)
+        for fold, y in enumerate(base.rows(gap)):
+            for joint, own in enumerate(self.hypothesis.loading):
+                squares[joint] += np.sum((y[joint] - self.hypothesis.x(fold, joint) @ values[own]) ** 2)
         likelihood = log_of_squares(self.hypothesis.independent, squares)
         return likelihood + float(log_prior(self.hypothesis, values)), values
 

@@ -68,7 +68,10 @@ class _Counted:
         self.q, self.dq, self.ddq, self.used = prepared.thinned(every, "q", "dq", "ddq", "used")
         self.gap = np.concatenate([gap[::every] for gap in base.gap])
         self.columns = [
-            np.concatenate([run[joint][::every] for run in base.columns]) for joint in range(base.joints)
+            np.concatenate(
+                [base.columns(run, joint, slice(None, None, every)) for run in range(len(prepared.runs))]
+            )
+            for joint in range(base.joints)
         ]
         self.rows = self._rows(self.q)
         self.loading, self.weights = base.loading, every * fitted.weights

@@ -104,6 +104,9 @@ def _linearised(
     # What the gearboxes carry is known before what depends on it.
     carried = again(prepared.linearised_at(parameters, nothing, nothing, zeros), loads=True)
     beside = again(prepared.linearised_at(parameters, carried, nothing, zeros), loads=False)
+    # Little is asked again of the runs as they were linearised before.
+    for run in prepared.runs:
+        run.logged.let_go()
     return prepared.linearised_at(parameters, carried, beside, zeros), accepted
 
 

@@ -83,7 +83,7 @@ class Normal:
         for joint, loading in enumerate(hypothesis.loading):
             before, at = loading[loading < first], loading[loading >= first]
             for fold in range(folds):
-                x, z = base.x[fold][joint], hypothesis.added[fold][joint]
+                x, z = base.x(fold, joint), hypothesis.added[fold][joint]
                 cross = x.T @ z
                 self.xx[fold, joint, before[:, None], at] = cross
                 self.xx[fold, joint, at[:, None], before] = cross.T
@@ -252,8 +252,9 @@ def left_everywhere(hypothesis: Design, run: int, part: slice, values: Array) ->
     """The same where samples do not count, too."""
     base = ground(hypothesis.prepared)
     own = values[: base.parameters]
-    each = zip(base.columns[run], base.loading, strict=True)
-    left = base.gap[run][part] - np.column_stack([columns[part] @ own[loading] for columns, loading in each])
+    each = enumerate(base.loading)
+    fitted = np.column_stack([base.columns(run, joint, part) @ own[loading] for joint, loading in each])
+    left = base.gap[run][part] - fitted
     for candidate, part_of in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         left[:, list(candidate.member.rows)] -= candidate.filtered[run][part] @ values[part_of]
     return left

@@ -221,7 +221,7 @@ class Stage:
         folds, p, columns = range(len(self.residual)), len(self.hypothesis.precision), len(bank.owner)
         sums = _Sums(np.zeros((len(folds), columns, p)), np.zeros((len(folds), columns)), {}, {})
         for f, j in product(folds, bank.joints):
-            z, at, weight = bank.z[f][j], bank.reached[j], self.weights[j]
+            z, at, weight = bank.z(f, j), bank.reached[j], self.weights[j]
             with_x = np.concatenate([bank.zx[f][j], z.T @ self.hypothesis.added[f][j]], axis=1)
             sums.with_x[f, j], sums.with_held[f, j] = with_x, z.T @ self.held[f][j]
             sums.cross[f, at[:, None], self.hypothesis.loading[j]] += weight * with_x

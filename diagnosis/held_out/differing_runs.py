@@ -1,8 +1,8 @@
-"""Runs that differ: one carries a tool, or has other offsets or other friction, as on another day or warm.
+"""Runs that differ: some carry a tool, or have other offsets or other friction, as on another day or warm.
 
-Fitted as runs of one robot they bend its parameters. Each run is given a payload on the last link, offsets,
-or friction, of its own beside the parameters of all; what explains most of what is left goes first, until
-nothing explains much. Its torque is taken off that run, which is then one of the robot's like the others.
+Fitted as runs of one robot they bend its parameters. All runs but one are given a payload on the last link,
+offsets, or friction, of their own beside the parameters of all; what explains most of what is left goes
+first, until nothing explains much. Its torque is taken off those runs, which then are of the same robot.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
-from identification.parameters import COULOMB, INERTIAL, PER_JOINT, VISCOUS
+from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 
@@ -22,13 +23,13 @@ from ..model.base_regressor import ground
 from ..model.candidates import Candidate, candidate
 from ..model.effect_sizes import is_plausible
 from ..model.hypothesis import Design, scaled_precision
-from .known_payload import known_payload
+from .known_payload import known_payloads
 
 Array = NDArray[np.float64]
 
 OFFSETS, FRICTION = "offsets", "friction"
-# A run differs where this share of the weighted squares that all runs leave goes with it, and this many
-# standard deviations of its payload's mass, or of its offsets together.
+# Runs differ where this share of the weighted squares that all runs leave goes with what they have of their
+# own, and each by this many standard deviations of its payload's mass, or of an offset.
 SHARE, SURELY = 0.4, 8.0
 # And a mass is of this share of the arm's links, an offset or Coulomb friction of this share of the joint's
 # torque, at least.
@@ -41,7 +42,7 @@ TOLD = 0.05
 
 @dataclass(frozen=True)
 class Difference:
-    """A payload, torque offsets, or friction, that one run has and the others have not.
+    """A payload, torque offsets, or friction, that one run has and others have not.
 
     run: its name. kind: PAYLOAD, OFFSETS or FRICTION. mass: kg, of a payload. offsets: (n,) N·m, zero but of
     OFFSETS. friction: (2, n) N·m·s/rad and N·m, viscous and Coulomb beyond that of the others; of FRICTION.
@@ -58,63 +59,77 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class _Own:
-    """A run's own columns, filtered (M, n, k) and at full rate (N, n, k), with what they explain."""
+class _Columns:
+    """Columns of one kind that each run may have of its own, and their products.
 
-    index: int
+    payload: of PAYLOAD alone. whole: a run, (N, n, k) at full rate. cross: a run, (p, k) with the parameters'
+    columns. own: a run, (k, k), with the prior. right: a run, (k,) with the residual. shows: a run, (k,) of
+    those columns of which it shows anything.
+    """
+
     kind: str
-    whole: Array
-    coefficients: Array
-    covariance: Array
-    share: float
     payload: Candidate | None
+    whole: tuple[Array, ...]
+    cross: tuple[Array, ...]
+    own: tuple[Array, ...]
+    right: tuple[Array, ...]
+    shows: tuple[NDArray[np.bool_], ...]
+
+
+@dataclass(frozen=True)
+class _Own:
+    """Coefficients (k,) of some runs, by their index, with covariances, and the share that they explain."""
+
+    columns: _Columns
+    coefficients: Mapping[int, Array]
+    covariance: Mapping[int, Array]
+    share: float
 
 
 def without_differences(
     prepared: Prepared, masses: Mapping[str, float] | None = None
 ) -> tuple[Prepared, tuple[Difference, ...]]:
-    """The runs with what one has and others have not taken off its torque, and what that is.
+    """The runs with what some have and others have not taken off their torque, and what that is.
 
-    masses: kg, of payloads that are known to be in a run and in no other, by its name.
+    masses: kg, of payloads that are known to be in a run, and in no run that is not among them, by its name.
     """
     found: list[Difference] = []
     payload = _payload(prepared)
-    for index, run in enumerate(prepared.runs):
-        if masses and run.name in masses:
-            known = known_payload(prepared, index, payload, masses[run.name])
-            torque = known.reported * (np.asarray(payload.member.columns[index]) @ known.coefficients)
+    if known := [index for index, run in enumerate(prepared.runs) if masses and run.name in masses]:
+        assert masses is not None
+        carried = known_payloads(prepared, payload, {k: masses[prepared.runs[k].name] for k in known})
+        for index, coefficients in zip(known, carried.coefficients, strict=True):
+            run = prepared.runs[index]
+            torque = carried.reported * (np.asarray(payload.member.columns[index]) @ coefficients)
             prepared = _with_run(prepared, index, _taken_off(run, torque))
-            mass = Quantity(masses[run.name], 0.0, "kg")
-            zeros = np.zeros(prepared.joints)
-            found.append(Difference(run.name, PAYLOAD, mass, zeros, known.gains, known.deviations))
-    while len(found) < len(prepared.runs) - 1:
+            mass, zeros = Quantity(masses[run.name], 0.0, "kg"), np.zeros(prepared.joints)
+            found.append(Difference(run.name, PAYLOAD, mass, zeros, carried.gains, carried.deviations))
+    while True:
         taken = {each.run for each in found}
-        best = _most(prepared, payload, taken)
+        able = [index for index, run in enumerate(prepared.runs) if run.name not in taken]
+        best = _most(prepared, payload, able) if len(able) > 1 else None
         if best is None:
-            break
-        run = prepared.runs[best.index]
-        found.append(_in_numbers(run, best))
-        prepared = _with_run(prepared, best.index, _taken_off(run, best.whole @ best.coefficients))
-    return prepared, tuple(found)
+            return prepared, tuple(found)
+        for index in sorted(best.coefficients):
+            run = prepared.runs[index]
+            found.append(_in_numbers(run, best, index))
+            torque = best.columns.whole[index] @ best.coefficients[index]
+            prepared = _with_run(prepared, index, _taken_off(run, torque))
 
 
 def in_words(differences: Sequence[Difference], names: Sequence[str], units: Sequence[str]) -> list[str]:
-    """A sentence a run that differs. names, units: of the joints."""
+    """Sentences on the runs that differ. names, units: of the joints."""
     said = []
+    if known := [each for each in differences if each.gains is not None]:
+        said.append(_gains_in_words(known, names))
+    weighed = [(each.run, each.mass) for each in differences if each.mass is not None and each.gains is None]
+    if weighed:
+        run, mass = weighed[0]
+        carried = [f"{run} carries {mass.value:.3g} ± {mass.std:.1g} kg"]
+        carried += [f"{run} {mass.value:.3g} ± {mass.std:.1g} kg" for run, mass in weighed[1:]]
+        said.append(f"{', '.join(carried)} that other runs do not; it is taken off before the fit.")
     for each in differences:
-        if each.mass is not None and each.gains is not None and each.deviations is not None:
-            told = [
-                f"{names[j]} {1 + each.gains[j]:.3f} ± {each.deviations[j]:.1g}"
-                for j in np.flatnonzero(each.deviations < TOLD).tolist()
-            ]
-            by = f"true over reported torque is {', '.join(told)}" if told else "it tells no drive's gain"
-            said.append(f"By the {each.mass.value:g} kg that {each.run} carries, {by}.")
-            continue
         if each.mass is not None:
-            said.append(
-                f"{each.run} carries {each.mass.value:.3g} ± {each.mass.std:.1g} kg that other runs do not; "
-                "it is taken off before the fit."
-            )
             continue
         if each.friction is not None:
             largest = int(np.argmax(np.abs(each.friction[1])))
@@ -132,35 +147,84 @@ def in_words(differences: Sequence[Difference], names: Sequence[str], units: Seq
     return said
 
 
+def _gains_in_words(known: Sequence[Difference], names: Sequence[str]) -> str:
+    """The drives' gains by payloads of known masses, which tell them together."""
+    gains, deviations = known[0].gains, known[0].deviations
+    assert gains is not None
+    assert deviations is not None
+    told = [
+        f"{names[j]} {1 + gains[j]:.3f} ± {deviations[j]:.1g}"
+        for j in np.flatnonzero(deviations < TOLD).tolist()
+    ]
+    carried = " and ".join(
+        f"the {each.mass.value:g} kg that {each.run} carries" for each in known if each.mass
+    )
+    by = f"true over reported torque is {', '.join(told)}" if told else "no drive's gain is told"
+    return f"By {carried}, {by}."
+
+
 def _payload(prepared: Prepared) -> Candidate:
     family = effect(PAYLOAD).signature([run.logged for run in prepared.runs], None, None)
     return candidate(prepared, family, family.members[0])
 
 
-def _most(prepared: Prepared, payload: Candidate, taken: set[str]) -> _Own | None:
-    """The difference that explains most of all runs' residuals, of those that are large and certain."""
+def _most(prepared: Prepared, payload: Candidate, able: Sequence[int]) -> _Own | None:
+    """The differences of one kind that explain most of all runs' residuals, of those large and certain."""
     hypothesis, fitted = fitted_to(prepared, [])
-    tried = [
-        _explained(hypothesis, fitted, index, kind, payload)
-        for index, run in enumerate(prepared.runs)
-        if run.name not in taken
-        for kind in (PAYLOAD, OFFSETS, FRICTION)
-    ]
-    able = [own for own in tried if own is not None and own.share > SHARE and _is_large(prepared, own)]
-    return max(able, key=lambda own: own.share, default=None)
+    matrix = normal_of(hypothesis).weighted(fitted.weights)[0].sum(axis=0)
+    matrix[np.diag_indices_from(matrix)] += scaled_precision(hypothesis, fitted.prior_scales)
+    total = float(sum(np.sum(fitted.weights * r**2) for r in fitted.residual))
+    tried = []
+    for kind in (PAYLOAD, OFFSETS, FRICTION):
+        columns = _columns(hypothesis, fitted, kind, payload)
+        shown = [index for index in able if columns.shows[index].any()]
+        # One run is like the robot, where none is known to be.
+        if len(able) == len(prepared.runs) and len(shown) > 1:
+            shown.remove(_reference(columns, _fitted(columns, matrix, total, shown)))
+        own = _fitted(columns, matrix, total, shown)
+        large = [index for index in shown if _is_large(prepared, own, index)]
+        if large and len(large) < len(shown):
+            own = _fitted(columns, matrix, total, large)
+        if large and own.share > SHARE and all(_is_large(prepared, own, index) for index in large):
+            tried.append(own)
+    return max(tried, key=lambda own: own.share, default=None)
 
 
-def _explained(hypothesis: Design, fitted: Fit, index: int, kind: str, payload: Candidate) -> _Own | None:
-    """Fit of a run's own payload, friction or offsets, besides the parameters shared by all runs.
+def _reference(columns: _Columns, own: _Own) -> int:
+    """The run that the others differ from: the one that carries least, or that is nearest to the others."""
+    indices = list(own.coefficients)
+    if columns.kind == PAYLOAD:
+        return min(indices, key=lambda index: own.coefficients[index][MASS])
+    values = np.array([own.coefficients[index] for index in indices])
+    scale = np.sqrt(np.mean([np.diag(own.covariance[index]) for index in indices], axis=0))
+    apart = np.abs(values[:, None] - values) / np.maximum(scale, np.finfo(float).tiny)
+    return indices[int(np.argmin(apart.sum(axis=(1, 2))))]
 
-    None where the run shows nothing of this kind.
-    """
+
+def _columns(hypothesis: Design, fitted: Fit, kind: str, payload: Candidate) -> _Columns:
     prepared, base = hypothesis.prepared, ground(hypothesis.prepared)
-    run, n = prepared.runs[index], hypothesis.prepared.joints
+    n = prepared.joints
+    parts: list[tuple[Array, Array, Array, Array, NDArray[np.bool_]]] = []
+    for index, run in enumerate(prepared.runs):
+        whole, z, precision = _of_run(run, index, kind, payload, n)
+        z = z * run.used[:, :, None]
+        k = z.shape[2]
+        cross, own, right = np.zeros((base.parameters, k)), np.diag(precision).astype(float), np.zeros(k)
+        for joint, weight in enumerate(fitted.weights):
+            part = z[:, joint]
+            cross[base.loading[joint]] += weight * (base.columns(index, joint).T @ part)
+            own += weight * (part.T @ part)
+            right += weight * (part.T @ fitted.residual[index][:, joint])
+        parts.append((whole, cross, own, right, np.diag(own) > precision))
+    whole_, cross_, own_, right_, shows_ = zip(*parts, strict=True)
+    return _Columns(kind, payload if kind == PAYLOAD else None, whole_, cross_, own_, right_, shows_)
+
+
+def _of_run(run: Run, index: int, kind: str, payload: Candidate, n: int) -> tuple[Array, Array, Array]:
+    """Columns of a run's own at full rate (N, n, k) and filtered (M, n, k), and their precision (k,)."""
     if kind == PAYLOAD:
-        whole, z = np.asarray(payload.member.columns[index]), payload.filtered[index]
-        precision = payload.precision
-    elif kind == FRICTION:
+        return np.asarray(payload.member.columns[index]), payload.filtered[index], payload.precision
+    if kind == FRICTION:
         each = (run.logged.dq, run.logged.direction)
         whole = np.concatenate([values[:, :, None] * np.eye(n) for values in each], axis=2)
         joints = PER_JOINT * np.arange(n)
@@ -168,61 +232,66 @@ def _explained(hypothesis: Design, fitted: Fit, index: int, kind: str, payload: 
             [run.rows[:, np.arange(n), joints + own][:, :, None] * np.eye(n) for own in (VISCOUS, COULOMB)],
             axis=2,
         )
-        precision = np.zeros(2 * n)
-    else:
-        whole = np.broadcast_to(np.eye(n), (run.logged.samples, n, n))
-        z = np.broadcast_to(np.eye(n), (len(run.time), n, n))
-        precision = np.zeros(n)
-    z = z * run.used[:, :, None]
-    k = z.shape[2]
-    matrix = normal_of(hypothesis).weighted(fitted.weights)[0].sum(axis=0)
-    matrix[np.diag_indices_from(matrix)] += scaled_precision(hypothesis, fitted.prior_scales)
-    cross, own, right = np.zeros((base.parameters, k)), np.diag(precision).astype(float), np.zeros(k)
-    for joint, weight in enumerate(fitted.weights):
-        part = z[:, joint]
-        cross[base.loading[joint]] += weight * (base.columns[index][joint].T @ part)
-        own += weight * (part.T @ part)
-        right += weight * (part.T @ fitted.residual[index][:, joint])
-    shows = np.diag(own) > precision
-    if not shows.any():
-        return None
-    cross, own, right = cross[:, shows], own[np.ix_(shows, shows)], right[shows]
-    schur = own - cross.T @ np.linalg.solve(matrix, cross)
-    covariance = np.linalg.pinv(schur, hermitian=True)
-    coefficients = covariance @ right
-    left = float(sum(np.sum(fitted.weights * r**2) for r in fitted.residual))
-    found, full = np.zeros(k), np.zeros((k, k))
-    found[shows], full[np.ix_(shows, shows)] = coefficients, covariance
-    share = float(right @ coefficients) / max(left, 1e-300)
+        return whole, z, np.zeros(2 * n)
+    whole = np.broadcast_to(np.eye(n), (run.logged.samples, n, n))
+    return whole, np.broadcast_to(np.eye(n), (len(run.time), n, n)), np.zeros(n)
+
+
+def _fitted(columns: _Columns, matrix: Array, total: float, runs: Sequence[int]) -> _Own:
+    """Joint fit of some runs' own coefficients, beside the parameters shared by all.
+
+    matrix: (p, p) of the parameters' normal equations. total: weighted squares that these leave.
+    """
+    if not runs:
+        return _Own(columns, {}, {}, 0.0)
+    shows = [columns.shows[index] for index in runs]
+    cross = np.hstack([columns.cross[index][:, seen] for index, seen in zip(runs, shows, strict=True)])
+    own = block_diag(
+        *(columns.own[index][np.ix_(seen, seen)] for index, seen in zip(runs, shows, strict=True))
+    )
+    right = np.concatenate([columns.right[index][seen] for index, seen in zip(runs, shows, strict=True)])
+    covariance = np.linalg.pinv(own - cross.T @ np.linalg.solve(matrix, cross), hermitian=True)
+    values = covariance @ right
+    share = float(right @ values) / max(total, 1e-300)
     # The weights take what it explains for noise.
-    full *= max(1 - share, LEAST_LEFT)
-    return _Own(index, kind, whole, found, full, share, payload if kind == PAYLOAD else None)
+    covariance *= max(1 - share, LEAST_LEFT)
+    coefficients: dict[int, Array] = {}
+    covariances: dict[int, Array] = {}
+    start = 0
+    for index, seen in zip(runs, shows, strict=True):
+        part = slice(start, start + int(seen.sum()))
+        start = part.stop
+        coefficients[index], covariances[index] = np.zeros(len(seen)), np.zeros((len(seen),) * 2)
+        coefficients[index][seen] = values[part]
+        covariances[index][np.ix_(seen, seen)] = covariance[part, part]
+    return _Own(columns, coefficients, covariances, share)
 
 
-def _is_large(prepared: Prepared, own: _Own) -> bool:
+def _is_large(prepared: Prepared, own: _Own, index: int) -> bool:
     """Whether a payload could be one, or offsets or friction are not next to nothing, and that is sure."""
-    if own.payload is not None:
-        mass, deviation = own.coefficients[INERTIAL - 1], np.sqrt(own.covariance[INERTIAL - 1, INERTIAL - 1])
-        links = float(prepared.nominal.reshape(prepared.joints, -1)[:, INERTIAL - 1].sum())
+    coefficients, variances = own.coefficients[index], np.diag(own.covariance[index])
+    if own.columns.payload is not None:
+        mass, deviation = coefficients[MASS], np.sqrt(variances[MASS])
+        links = float(prepared.nominal.reshape(prepared.joints, -1)[:, MASS].sum())
         sure = mass > max(SURELY * deviation, LEAST_MASS * links)
-        return bool(sure) and is_plausible(prepared.robot, own.payload, own.coefficients)
+        return bool(sure) and is_plausible(prepared.robot, own.columns.payload, coefficients)
     # Of friction, Coulomb's.
     n = prepared.joints
-    deviations = np.sqrt(np.maximum(np.diag(own.covariance)[-n:], np.finfo(float).tiny))
-    values = np.abs(own.coefficients[-n:])
+    deviations = np.sqrt(np.maximum(variances[-n:], np.finfo(float).tiny))
+    values = np.abs(coefficients[-n:])
     large = values > LEAST_OFFSET * ground(prepared).torque_rms
     return bool(np.any(large & (values > SURELY * deviations)))
 
 
-def _in_numbers(run: Run, own: _Own) -> Difference:
-    zeros = np.zeros(own.whole.shape[1])
-    if own.kind == OFFSETS:
-        return Difference(run.name, OFFSETS, None, own.coefficients)
-    if own.kind == FRICTION:
-        return Difference(run.name, FRICTION, None, zeros, friction=own.coefficients.reshape(2, -1))
-    mass = float(own.coefficients[INERTIAL - 1])
-    deviation = float(np.sqrt(own.covariance[INERTIAL - 1, INERTIAL - 1]))
-    return Difference(run.name, PAYLOAD, Quantity(mass, deviation, "kg"), zeros)
+def _in_numbers(run: Run, own: _Own, index: int) -> Difference:
+    coefficients, kind = own.coefficients[index], own.columns.kind
+    zeros = np.zeros(own.columns.whole[index].shape[1])
+    if kind == OFFSETS:
+        return Difference(run.name, OFFSETS, None, coefficients)
+    if kind == FRICTION:
+        return Difference(run.name, FRICTION, None, zeros, friction=coefficients.reshape(2, -1))
+    deviation = float(np.sqrt(own.covariance[index][MASS, MASS]))
+    return Difference(run.name, PAYLOAD, Quantity(float(coefficients[MASS]), deviation, "kg"), zeros)
 
 
 def _with_run(prepared: Prepared, index: int, run: Run) -> Prepared:

@@ -21,15 +21,17 @@ Array = NDArray[np.float64]
 SLOWEST = 0.01
 # Of the strongest joint's torque: a joint that reports none is judged by shares of its torque all the same.
 LEAST_TORQUE = 1e-9
+# Bytes of gathered rows that are kept; those of longer runs are gathered whenever they are read.
+MOST_KEPT = 1 << 28
 
 
 class Ground:
     """Base regressor and gap of prepared runs, with their used rows gathered by fold and joint.
 
-    loading: (n,) the unknowns that load each joint: links before it never do. columns: a run, a joint, (M, u)
-    of its u. gap: a run, (M, n) N·m, torque less the model's. used: a fold, a joint, the run's samples that
-    count. x, y: their rows, (m, u) and (m,). xx, xy: the products, (F, n, p, p) and (F, n, p). precision:
-    (p,) of the prior. torque_rms: (n,) N·m of the joints' torque.
+    loading: (n,) the unknowns that load each joint: links before it never do. gap: a run, (M, n) N·m, torque
+    less the model's. used: a fold, a joint, the run's samples that count. y: their rows of the gap, (m,).
+    xx, xy: the products, (F, n, p, p) and (F, n, p). precision: (p,) of the prior. torque_rms: (n,) N·m of
+    the joints' torque. is_small: whether gathered rows are kept.
     """
 
     def __init__(self, prepared: Prepared):
@@ -44,27 +46,20 @@ class Ground:
         widths = parameter_widths(prepared.nominal, self.torque_rms, speed, acceleration)
         self.precision = np.append(widths, TIMING) ** -2.0
         self.loading = tuple(slice(PER_JOINT * joint, None) for joint in range(self.joints))
-        late = [run.filtered(run.logged.predicted_rate, range(self.joints)) for run in prepared.runs]
-        self.columns = tuple(
-            tuple(
-                np.column_stack([run.rows[:, joint, loading], -own[:, joint]])
-                for joint, loading in enumerate(self.loading)
-            )
-            for run, own in zip(prepared.runs, late, strict=True)
-        )
+        self._late = [run.filtered(run.logged.predicted_rate, range(self.joints)) for run in prepared.runs]
+        self.is_small = sum(run.rows.nbytes for run in prepared.runs) <= MOST_KEPT
+        self._columns: dict[tuple[int, int], Array] = {}
+        self._x: dict[tuple[int, int], Array] = {}
         self.gap = tuple(run.torque - run.rows @ prepared.nominal for run in prepared.runs)
         self.used = [
             [np.flatnonzero(prepared.runs[run].used[part, j]) + part.start for j in range(self.joints)]
             for run, part in self.folds
         ]
-        self.x = [
-            [of_run[rows] for of_run, rows in zip(self.columns[run], used, strict=True)]
-            for (run, _), used in zip(self.folds, self.used, strict=True)
-        ]
         self.y = self.rows(self.gap)
         self.xx = np.zeros((len(self.folds), self.joints, self.parameters, self.parameters))
-        for fold, of_fold in enumerate(self.x):
-            for joint, (x, own) in enumerate(zip(of_fold, self.loading, strict=True)):
+        for fold in range(len(self.folds)):
+            for joint, own in enumerate(self.loading):
+                x = self.x(fold, joint)
                 self.xx[fold, joint, own, own] = x.T @ x
         self.xy = self.products(dict(enumerate(self.y)))
 
@@ -78,8 +73,30 @@ class Ground:
         found = np.zeros((len(y), self.joints, self.parameters))
         for place, (fold, left) in enumerate(y.items()):
             for joint, own in enumerate(self.loading):
-                found[place, joint, own] = self.x[fold][joint].T @ left[joint]
+                found[place, joint, own] = self.x(fold, joint).T @ left[joint]
         return found
+
+    def columns(self, run: int, joint: int, part: slice = slice(None)) -> Array:
+        """Base regressor of a joint along a part of a run, (M, u) of the u unknowns that load it."""
+        if not self.is_small:
+            return self._stacked(run, joint, part)
+        if (run, joint) not in self._columns:
+            self._columns[run, joint] = self._stacked(run, joint, slice(None))
+        return self._columns[run, joint][part]
+
+    def x(self, fold: int, joint: int) -> Array:
+        """Used rows of the base regressor of one fold and joint, (m, u)."""
+        run, used = self.folds[fold][0], self.used[fold][joint]
+        if not self.is_small:
+            return self._stacked(run, joint, used)
+        if (fold, joint) not in self._x:
+            self._x[fold, joint] = self.columns(run, joint)[used]
+        return self._x[fold, joint]
+
+    def _stacked(self, run: int, joint: int, part: slice | NDArray[np.int64]) -> Array:
+        """Some samples of the standard regressor, with the timing error to the right of it."""
+        late = self._late[run][part, joint]
+        return np.column_stack([self.prepared.runs[run].rows[part, joint, self.loading[joint]], -late])
 
     def rows(self, runs: Sequence[Array]) -> list[list[Array]]:
         """Used rows of arrays (M, n, ...), one a run: a fold, a joint."""

@@ -1,5 +1,6 @@
 """Candidate effects on these runs: every family's columns, filtered like the torque."""
 
+import os
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -31,6 +32,8 @@ EVENT = "external_contact"
 # Beyond a limit the torque that is regressed on would stand on both sides: it is tried in its own way.
 SATURATION = "torque_saturation"
 DELAY = "torque_delay"
+# Bytes of all joints' samples at the full rate: families that are made at the same time share so many.
+MOST_AT_ONCE = 1 << 27
 # What the effect of a free function of the motion is called before its regime.
 FREE = "unknown: "
 
@@ -180,5 +183,7 @@ def in_parallel(prepared: Prepared, families: Sequence[Callable[[], Family]]) ->
             for member, light in zip(made.members, kept.members, strict=True)
         ]
 
-    with ThreadPoolExecutor() as pool:
+    size = sum(run.logged.q.nbytes for run in prepared.runs)
+    workers = min(os.cpu_count() or 1, max(MOST_AT_ONCE // max(size, 1), 1))
+    with ThreadPoolExecutor(workers) as pool:
         return [each for found in pool.map(members, families) for each in found]

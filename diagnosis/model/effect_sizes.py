@@ -107,8 +107,6 @@ _SIZES: Mapping[str, tuple[str, ...]] = {
     "joint_coupling": ("viscous", "coulomb"),
     "base_tilt": ("roll", "pitch"),
 }
-# Where the load is little of a joint's torque, any share of it is next to nothing: below this share.
-LITTLE_OF_LOAD = 0.0085
 
 
 def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array, share: float) -> bool:
@@ -139,15 +137,6 @@ def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, c
     if name == LAG and coefficients[0] < OF_SAMPLE * candidate.sample_time:
         return False
     return times_healthy(robot, torque_scale, candidate, coefficients) > 1
-
-
-def moves_little(torque_scale: Array, candidate: Candidate, coefficients: Array) -> bool:
-    """Whether friction by load moves next to nothing of its joint's torque, whatever of the load it is."""
-    joint = candidate.family.joint
-    if candidate.family.effect != OF_THE_LOAD:
-        return False
-    assert joint is not None
-    return bool(coefficients[0] * _moved_by_one(candidate, 0) < LITTLE_OF_LOAD * torque_scale[joint])
 
 
 def times_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:

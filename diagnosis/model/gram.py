@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .base_regressor import Ground
+from .base_regressor import MOST_KEPT, Ground
 from .candidates import Candidate
 
 Array = NDArray[np.float64]
@@ -24,36 +24,40 @@ class Bank:
         self.start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         self.owner = np.repeat(np.arange(len(counts)), counts)
         folds, n = range(len(ground.folds)), ground.joints
-        reach = [[c for c, each in enumerate(proposals) if j in each.member.rows] for j in range(n)]
-        self.reached = [self._columns_of(own) for own in reach]
+        self._ground = ground
+        self._reach = [[c for c, each in enumerate(proposals) if j in each.member.rows] for j in range(n)]
+        self.reached = [self._columns_of(own) for own in self._reach]
         self.joints = [j for j in range(n) if len(self.reached[j])]
-        # Columns that reach a joint, of the used rows of a fold: (m, K_j).
-        self.z = [
-            [
-                np.concatenate([reached_rows(ground, proposals[c], f, j) for c in own], axis=1)
-                if own
-                else np.zeros((len(ground.used[f][j]), 0))
-                for j, own in enumerate(reach)
-            ]
-            for f in folds
-        ]
-        self.zx = [
-            [z.T @ x for z, x in zip(*both, strict=True)] for both in zip(self.z, ground.x, strict=True)
-        ]
+        used = np.array([[len(rows) for rows in fold] for fold in ground.used]).sum(axis=0)
+        self._is_small = 8 * used @ [len(own) for own in self.reached] <= MOST_KEPT
+        self._z: dict[tuple[int, int], Array] = {}
+        self.zx: list[list[Array]] = [[] for _ in folds]
         # Candidates of the same number of coefficients are solved together.
         self.groups = [np.flatnonzero(counts == k) for k in np.unique(counts)]
         self.squares = [
             np.zeros((len(own), len(ground.folds), n, *(2 * [counts[own[0]]]))) for own in self.groups
         ]
         place = {int(c): (g, i) for g, own in enumerate(self.groups) for i, c in enumerate(own)}
-        for j, own in enumerate(reach):
-            at = np.searchsorted(self.reached[j], [self.start[c] for c in own])
-            for c, first in zip(own, at, strict=True):
-                g, i = place[c]
-                part = slice(first, first + counts[c])
-                for f in folds:
-                    z = self.z[f][j][:, part]
+        for f in folds:
+            for j, own in enumerate(self._reach):
+                whole = self.z(f, j)
+                self.zx[f].append(whole.T @ ground.x(f, j))
+                at = np.searchsorted(self.reached[j], [self.start[c] for c in own])
+                for c, first in zip(own, at, strict=True):
+                    g, i = place[c]
+                    z = whole[:, first : first + counts[c]]
                     self.squares[g][i, f, j] = z.T @ z
+
+    def z(self, fold: int, joint: int) -> Array:
+        """Columns that reach a joint, of the used rows of a fold, (m, K_j)."""
+        if (fold, joint) in self._z:
+            return self._z[fold, joint]
+        reaching = (self.candidates[c] for c in self._reach[joint])
+        rows = [reached_rows(self._ground, each, fold, joint) for each in reaching]
+        found = np.concatenate([np.zeros((len(self._ground.used[fold][joint]), 0)), *rows], axis=1)
+        if self._is_small:
+            self._z[fold, joint] = found
+        return found
 
     def _columns_of(self, candidates: Sequence[int]) -> NDArray[np.int64]:
         """The columns of some candidates."""

@@ -130,13 +130,18 @@ class Design:
         return [[rows(fold, joint) for joint in range(base.joints)] for fold in range(len(base.folds))]
 
     @cached_property
-    def x(self) -> list[list[Array]]:
-        """Used rows of what loads a joint, (m, u): a fold, a joint."""
-        base = ground(self.prepared).x
-        return [
-            [np.concatenate(both, axis=1) for both in zip(x, z, strict=True)]
-            for x, z in zip(base, self.added, strict=True)
-        ]
+    def _x(self) -> dict[tuple[int, int], Array]:
+        return {}
+
+    def x(self, fold: int, joint: int) -> Array:
+        """Used rows of what loads a joint, (m, u)."""
+        if (fold, joint) in self._x:
+            return self._x[fold, joint]
+        base = ground(self.prepared)
+        found = np.concatenate([base.x(fold, joint), self.added[fold][joint]], axis=1)
+        if base.is_small:
+            self._x[fold, joint] = found
+        return found
 
     def products(self, y: Mapping[int, Sequence[Array]]) -> Array:
         """X'y (F, n, p) of used rows (m,) of some folds: by fold, in their order, and joint."""

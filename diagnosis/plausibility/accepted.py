@@ -44,7 +44,7 @@ class Accepted:
     is_certain: whether its size is known well enough for that. is_trace: found by a trace that only shows
     with every joint's imperfections fitted, or where there are none. is_everywhere: whether other joints are
     about as imperfect, so that it is not reported. by_size: whether it is reported only because it is larger
-    than on any healthy robot. is_alone: or because nothing else is seen. doubt: why it is no longer reported.
+    than on any healthy robot. doubt: why it is no longer reported.
     """
 
     candidate: Candidate
@@ -59,7 +59,6 @@ class Accepted:
     is_trace: bool = False
     is_everywhere: bool = False
     by_size: bool = False
-    is_alone: bool = False
     doubt: str = ""
 
 

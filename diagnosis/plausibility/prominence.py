@@ -4,7 +4,7 @@ A law that is not quite the robot's leaves a residual at the same joint, and oth
 it: a second effect there must explain more than that.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,12 +15,10 @@ from ..fit.likelihood import Weighed, gained_by_shift
 from ..fit.linearisation import TRANSMISSIONS
 from ..fit.score import Gain, Stage
 from ..model.candidates import Candidate
-from ..model.effect_sizes import BENDING, BRISTLES, CABLE, ECCENTRICITY, GAIN, RIPPLE, SPRING, SPRINGS
+from ..model.effect_sizes import BRISTLES, CABLE, ECCENTRICITY, GAIN, RIPPLE, SPRING, SPRINGS
 from .materiality import (
     HIDDEN_OVERLAP,
-    LITTLE_TORQUE,
     SMALLEST_SHIFT,
-    SWALLOWED_FRICTION,
     is_certainly_beyond,
     is_large,
 )
@@ -44,25 +42,10 @@ CABLE_LEFT, CABLE_BEYOND, CABLE_TORQUE, CABLE_SHIFT = 0.6, 1.2, 0.015, 5.0
 FARTHER = -2.0
 # At a joint that has an effect already: this share of the squared residual after re-identification ...
 SECOND_SHARE = 0.2
-# ... or this share of what is left there, and of its RMS torque, or the log-likelihood as a multiple of what
-# any other joint's effect gains beside it ...
-SECOND_LEFT, SECOND_TORQUE, SECOND_PROMINENT = 0.5, 0.02, 8.0
-# ... or, as no law's residual looks like it, this share of the joint's RMS torque and of what is left, by
-# this Wald's statistic ...
-SECOND_TOLD: Mapping[str, tuple[float, float, float]] = {
-    RIPPLE: (0.04, 0.2, 100.0),
-    "backlash": (0.005, 0.4, 1000.0),
-}
-# ... or this share of the torque, where it is certainly so many times beyond a healthy one: a law's residual
-# looks like springs and bristles of any size, but not like these ...
-SECOND_LITTLE, SECOND_BEYOND = 0.005, 1.5
-# ... or, of friction that its joint's parameters absorb, this share of what is left, and certainly so many
-# times a healthy joint's ...
-SECOND_SWALLOWED, SECOND_FAR_BEYOND = 0.3, 3.0
-# ... or a shift of the parameters of this log-likelihood that it spares, as no law's residual does, where it
-# is certainly beyond a healthy one; so is a gain error besides friction of these laws, whose residuals are no
-# part of all torque.
-SECOND_SHIFT = 15.0
+# ... or this share of what is left there, and of its RMS torque. A law of position at a coupling's other
+# joint, and a gain error beside friction of these laws, are certainly so many times a healthy one's: the
+# residuals of those laws are no part of all torque.
+SECOND_LEFT, SECOND_TORQUE, SECOND_BEYOND = 0.5, 0.02, 1.5
 BESIDE_GAIN = (
     "stribeck_friction",
     "asymmetric_friction",
@@ -102,11 +85,9 @@ def is_main(
         # No law of speeds leaves what an encoder's error of an angle is.
         return is_certainly_beyond(robot, stage, gain, SECOND_BEYOND)
     if family.joint is not None and family.joint in named | coupled:
-        prominent = best.score > SECOND_PROMINENT * elsewhere
-        enough = bool(shares[family.joint] > SECOND_SHARE)
         is_second = _is_no_rest(robot, stage, gain, firsts)
         if not _is_of_one_transmission(family, firsts):
-            is_second |= prominent or enough
+            is_second |= bool(shares[family.joint] > SECOND_SHARE)
         # At a coupling's other joint it must be as much as anywhere, too.
         if family.joint in named or not is_second:
             return is_second
@@ -145,24 +126,13 @@ def _is_no_rest(robot: Robot, stage: Stage, gain: Gain, firsts: Sequence[Candida
     """Whether a second effect of a joint is too large for the residual of the first one's law."""
     family, rows = gain.candidate.family, gain.candidate.member.rows
     assert family.joint is not None
-    # What it does to joints that the first ones do nothing to is none either.
+    beside = {each.family.effect for each in firsts if family.joint in (each.family.joint, each.family.into)}
+    is_apart = family.effect == GAIN and beside <= set(BESIDE_GAIN)
+    if is_apart and is_certainly_beyond(robot, stage, gain, SECOND_BEYOND):
+        return True
+    # What it does to joints that the first ones do nothing to is no rest either.
     reached = {row for each in firsts for row in each.member.rows}
     own = [family.joint, *(row for row in rows if row not in reached)]
     most = own[int(np.argmax(stage.shares(gain)[own]))]
     torque, left = float(stage.torque_shares(gain)[most]), float(stage.shares(gain)[most])
-    if family.effect in SECOND_TOLD:
-        least_torque, least_left, least_wald = SECOND_TOLD[family.effect]
-        if torque > least_torque and left > least_left and gain.wald > least_wald:
-            return True
-    is_swallowed = family.effect in (*SWALLOWED_FRICTION, BENDING)
-    seen = is_swallowed and torque > LITTLE_TORQUE and left > SECOND_SWALLOWED
-    if seen and is_certainly_beyond(robot, stage, gain, SECOND_FAR_BEYOND):
-        return True
-    beside = {each.family.effect for each in firsts if family.joint in (each.family.joint, each.family.into)}
-    is_apart = gained_by_shift(stage, gain) > SECOND_SHIFT
-    is_apart |= family.effect == GAIN and beside <= set(BESIDE_GAIN)
-    if is_apart and is_certainly_beyond(robot, stage, gain, SECOND_BEYOND):
-        return True
-    may_be_rest = family.effect in (*SPRINGS, BRISTLES)
-    large = not may_be_rest and is_certainly_beyond(robot, stage, gain, SECOND_BEYOND)
-    return torque > (SECOND_LITTLE if large else SECOND_TORQUE) and left > SECOND_LEFT
+    return torque > SECOND_TORQUE and left > SECOND_LEFT

@@ -172,7 +172,7 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     # What a fold's rows say of the parameters, less those beyond the limit.
     xx, xy = [], []
     for f in folds:
-        x, y, out = stage.hypothesis.x[f][joint], ground.y[f][joint], beyond[f]
+        x, y, out = stage.hypothesis.x(f, joint), ground.y[f][joint], beyond[f]
         xx.append(stage.parts[f].copy())
         xx[f][loading[joint][:, None], loading[joint]] -= weights[joint] * x[out].T @ x[out]
         xy.append(weights @ stage.xy[f])
@@ -187,7 +187,7 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
         apart = _of_what_is_left(sum(xx) - xx[f] + stage.precision, whole)
         own = solve(apart, sum(xy) - xy[f], lower, upper)
         for j in range(n):
-            left = ground.y[f][j] - stage.hypothesis.x[f][j] @ own[loading[j]]
+            left = ground.y[f][j] - stage.hypothesis.x(f, j) @ own[loading[j]]
             if j == joint:
                 out = beyond[f]
                 before = left[out] ** 2

@@ -19,7 +19,6 @@ from ..decision.attribution import Attribution
 from ..decision.reported_effects import (
     accepted_as,
     as_fitted_at_last,
-    is_dwarfed,
     judged_again,
     told_apart_at_last,
 )
@@ -125,7 +124,7 @@ def _grown(
     while len(accepted) < MOST_TERMS and sum(a.named for a in accepted) < MOST_EFFECTS:
         if (more := near_rest(sized, stage, weighed, ahead, soft, sought.catalogue)) is not None:
             return more
-        found = search.round(stage, weighed, free, accepted)
+        found = search.round(stage, weighed, free)
         if found is None and not resought and (place := _of_event(accepted)) < len(accepted) - 1:
             resought, rest = True, [a for k, a in enumerate(accepted) if k != place]
             alone = Stage(base, *without_one(base.prepared, accepted, place))
@@ -189,7 +188,8 @@ def _grown(
     alike = {each.joint for each in imitated}
     misfits = [each for each in misfits if each.regime != NOTHING or each.joint not in alike]
     unknown = (*misfits, *worth_telling(imitated), *unmet)
-    accepted = [replace(a, named=a.named and not is_dwarfed(a, unknown, last)) for a in accepted]
+    open_at = {each.joint for each in unknown}
+    accepted = [replace(a, named=a.named and a.candidate.family.joint not in open_at) for a in accepted]
     return Attribution(prepared, tuple(accepted), hypothesis, fitted, first, unknown, tuple(weighed), hidden)
 
 

@@ -14,11 +14,8 @@ from ..fit.score import Gain, Stage
 from ..model.candidates import EVENT, SATURATION
 from ..model.effect_sizes import ELASTIC, RIPPLE, is_beyond_healthy, is_plausible
 from ..model.gram import Bank
-from ..plausibility.accepted import Accepted
-from ..plausibility.materiality import OF_ENCODER, SMALLEST_GAIN, SMALLEST_WALD, is_material
-from ..plausibility.single_effect import are_joints_own, is_elsewhere, is_enough_alone, is_late_alone, is_most
+from ..plausibility.materiality import OF_ENCODER, is_material
 from ..proposals.contact import contact, explains_all_bursts, is_in_bursts_at_several
-from ..proposals.laws import refined
 from ..proposals.ripple_peaks import ripple_candidates
 from ..proposals.saturation import Cut, saturation
 from ..residual.unexplained import unclaimed
@@ -36,8 +33,6 @@ FAR_MORE = 3.0
 AS_MUCH = 0.7
 # And with this share of a joint's squared residual it is what acts there.
 NEARLY_ALL = 0.9
-# One that is alone takes off this share of some joint's RMS torque.
-SEEN_ALONE = 0.0015
 
 
 @dataclass(frozen=True)
@@ -78,12 +73,10 @@ class Search:
             and is_plausible(self.sized, w.candidate, w.gain.coefficients)
         ]
 
-    def round(
-        self, stage: Stage, weighed: Sequence[Weighed], free: Bank, before: Sequence[Accepted] = ()
-    ) -> Found | None:
+    def round(self, stage: Stage, weighed: Sequence[Weighed], free: Bank) -> Found | None:
         """The likeliest effect: a material one or a limit, else a push, else a trace of an absorbed effect.
 
-        weighed: of ``open``. free: candidates of generic.py. before: accepted effects.
+        weighed: of ``open``. free: candidates of generic.py.
         """
         most = weighed[0].score if weighed else 0.0
         # It takes longer than all else: searched for where it may matter, and once.
@@ -114,11 +107,7 @@ class Search:
         if unclaimed(self.first, stage, free):
             # Effects that are not reported leave traces of all kinds.
             return None
-        return (
-            self._late(stage, weighed, before)
-            or self._trace(stage, weighed)
-            or self._alone(stage, weighed, before)
-        )
+        return self._trace(stage, weighed)
 
     def push(self, stage: Stage, free: Bank) -> Found | None:
         """A push of the surroundings, the only one."""
@@ -126,44 +115,6 @@ class Search:
             return None
         found = contact(stage, free)
         return None if found is None else Found(*found)
-
-    def _late(self, stage: Stage, weighed: Sequence[Weighed], before: Sequence[Accepted]) -> Found | None:
-        """A delay that the timing of the log makes up for, of a robot without any imperfection."""
-        delay = next((w for w in weighed if w.candidate.is_common_delay), None)
-        others = [w for w in weighed if w is not delay]
-        if delay is None or not are_joints_own(before) or not is_late_alone(stage, others):
-            return None
-        best = refined(self.sized, stage, delay)
-        return Found(best, (), stage.with_effects([best.candidate]))
-
-    def _alone(self, stage: Stage, weighed: Sequence[Weighed], before: Sequence[Accepted]) -> Found | None:
-        """A little of one effect and of nothing else, which is not how robots are imperfect."""
-        if not are_joints_own(before) or not weighed or not self._is_seen(stage, weighed[0]):
-            return None
-        if not is_elsewhere(stage, weighed[0], before):
-            return None
-        # Of a grid the nearest shape has another size.
-        if not self._is_seen(stage, refined(self.sized, stage, weighed[0])):
-            return None
-        chosen = choose(self.sized, stage, weighed, weighed, self.without)
-        if chosen is None or not self._is_seen(stage, chosen[0]):
-            return None
-        best, rivals, trial = chosen
-        others = [w.candidate for w in weighed if w.candidate.place != best.candidate.place]
-        if not is_most(best, weigh(Stage(stage.ground, *trial), Bank(stage.ground, others))):
-            return None
-        return Found(best, rivals, trial, is_trace=True)
-
-    def _is_seen(self, stage: Stage, weighed: Weighed) -> bool:
-        """Whether an effect is significant, larger than on a healthy robot, and visible in the torque."""
-        gain, torque_rms = weighed.gain, stage.ground.torque_rms
-        if weighed.score < SMALLEST_GAIN or gain.wald < SMALLEST_WALD:
-            return False
-        if float(stage.torque_shares(gain).max()) <= SEEN_ALONE:
-            return False
-        if is_enough_alone(self.sized, stage, weighed, gain.coefficients):
-            return True
-        return is_beyond_healthy(self.sized, torque_rms, gain.candidate, gain.coefficients)
 
     def _trace(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
         """The likeliest effect that parameters absorb and that is larger than on healthy robots, or None."""

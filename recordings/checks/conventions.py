@@ -92,7 +92,11 @@ def _is_certain(first: Candidate, best: Candidate) -> bool:
     order = np.arange(n)
     concerned = (np.array(convention.position_order) != order) | (np.array(convention.torque_order) != order)
     concerned |= (np.array(convention.position_sign) < 0) | (np.array(convention.torque_sign) < 0)
-    concerned |= (np.array(convention.zero) != 0) | (np.array(convention.scale) != 1) | (after < before / 2)
+    better = after < before / 2
+    concerned |= (np.array(convention.zero) != 0) | (np.array(convention.scale) != 1) | better
+    # Gravity acts on every joint: what one of several alone says of it may be that joint's own.
+    if convention.gravity is not None and np.count_nonzero(better) < min(2, n):
+        return False
     return bool(np.all(after[concerned] < LEFT) and best.explained.bent < BENT)
 
 

@@ -1,6 +1,7 @@
 """Runs that differ: another load, other offsets or other friction in one of them."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,8 @@ PAYLOAD, OFFSETS, FRICTION = 0.3, 0.15, 0.3
 # A payload is known where its mass is so many of its deviations.
 KNOWN = 3.0
 ITERATIONS = 8
+# Samples in motion of which a joint has fewer say nothing.
+LEAST_SAMPLES = 12
 
 
 @dataclass(frozen=True)
@@ -47,24 +50,28 @@ class Difference:
 
 def check(subject: Subject) -> list[Finding]:
     """The runs that others predict worse than they must, and what sets them apart."""
-    names = list(subject.recordings)
+    names, joints = list(subject.recordings), subject.robot.joint_names
     if len(names) < 2 or subject.samples is None or subject.searched is None:
         return []
     found = []
-    for each in differences(subject):
-        name, joints = names[each.run], subject.robot.joint_names
-        if each.kind == "payload":
-            mass, deviation = each.values[MASS], each.deviations[MASS]
-            load = f"{mass:.2g} ± {deviation:.1g} kg"
-            sentence = f"{name} carries {load} that the other runs do not; fit it as a payload"
-        elif each.kind == "offsets":
+    differing = differences(subject)
+    if loads := [each for each in differing if each.kind == "payload"]:
+        masses = [f"{each.values[MASS]:.2g} ± {each.deviations[MASS]:.1g} kg" for each in loads]
+        carried = [f"{names[each.run]} {mass}" for each, mass in zip(loads, masses, strict=True)]
+        carried[0] = f"{names[loads[0].run]} carries {masses[0]}"
+        sentence = f"{', '.join(carried)} that the other runs do not; fit it as a payload"
+        found.append(_finding(sentence, names[loads[0].run] if len(loads) == 1 else ""))
+    for each in differing:
+        name = names[each.run]
+        if each.kind == "offsets":
             largest = int(np.argmax(np.abs(each.values) / each.deviations))
             offset = f"{each.values[largest]:.2g} ± {each.deviations[largest]:.1g}"
             sentence = (
                 f"{name} has other torque offsets, {offset} N·m (N) at {joints[largest]}: another "
                 "day's zero of the torque sensors?"
             )
-        else:
+            found.append(_finding(sentence, name))
+        elif each.kind == "friction":
             half = len(each.values) // 2
             largest = int(np.argmax(np.abs(each.values[half:]) / each.deviations[half:]))
             value = each.values[half + largest]
@@ -72,34 +79,55 @@ def check(subject: Subject) -> list[Finding]:
                 f"{name} has other friction, {value:+.2g} N·m (N) of Coulomb friction at {joints[largest]}: "
                 "warm and cold?"
             )
-        found.append(Finding(Severity.WARN, "runs_differ", sentence, run=name))
+            found.append(_finding(sentence, name))
     return found
+
+
+def _finding(sentence: str, run: str = "") -> Finding:
+    return Finding(Severity.WARN, "runs_differ", sentence, run=run)
 
 
 def differences(subject: Subject) -> list[Difference]:
-    """The most likely difference of each run, one after the other, as long as one is certain."""
-    fit, taken = _JointFit(subject), list[tuple[int, str]]()
-    found = list[Difference]()
-    base = fit.evidence(taken)[0]
-    tried = [(run, kind) for run in range(fit.runs) for kind in fit.kinds]
-    while len(taken) < fit.runs - 1:
-        scored = []
-        for each in tried:
-            if each[0] in {run for run, _ in taken}:
-                continue
-            evidence, values, deviations = fit.evidence([*taken, each])
-            if each[1] == "payload" and values[MASS] < KNOWN * deviations[MASS]:
-                continue
-            scored.append((evidence - base - PER_DIFFERENCE, each, values, deviations))
-        if not scored:
-            break
-        odds, each, values, deviations = max(scored, key=lambda one: one[0])
-        if odds < ODDS:
-            break
-        taken.append(each)
-        base += odds
-        found.append(Difference(each[0], each[1], odds, values, deviations))
-    return found
+    """The most likely differences of one kind after the other, as long as they are certain."""
+    fit, found = _JointFit(subject), list[Difference]()
+    while True:
+        taken = [(each.run, each.kind) for each in found]
+        left = [run for run in range(fit.runs) if run not in {own for own, _ in taken}]
+        groups = [_group(fit, taken, left, kind) for kind in fit.kinds] if len(left) > 1 else []
+        _, group = max(groups, key=lambda one: one[0], default=(0.0, []))
+        if not group:
+            return found
+        found += group
+
+
+def _group(
+    fit: "_JointFit", taken: list[tuple[int, str]], left: list[int], kind: str
+) -> tuple[float, list[Difference]]:
+    """The runs among those left that surely have a difference of this kind, and the odds of them all."""
+    runs = left
+    if not taken:
+        # One run is like the robot: the one that carries least, or that is nearest to the others.
+        _, found, known = fit.evidence([(run, kind) for run in runs])
+        values, deviations = np.array(found), np.array(known)
+        if kind == "payload":
+            apart = values[:, MASS]
+        else:
+            apart = np.abs((values[:, None] - values) / deviations[:, None]).sum(axis=(1, 2))
+        runs = [run for run in runs if run != runs[int(np.argmin(apart))]]
+    while runs:
+        all_of_them = [*taken, *((run, kind) for run in runs)]
+        evidence, found, known = fit.evidence(all_of_them)
+        own = list[Difference]()
+        for place, each in enumerate(all_of_them[len(taken) :], len(taken)):
+            others = all_of_them[:place] + all_of_them[place + 1 :]
+            odds = evidence - fit.evidence(others)[0] - PER_DIFFERENCE
+            value, deviation = found[place], known[place]
+            if odds > ODDS and (kind != "payload" or value[MASS] > KNOWN * deviation[MASS]):
+                own.append(Difference(each[0], kind, odds, value, deviation))
+        if len(own) == len(runs):
+            return evidence - fit.evidence(taken)[0] - PER_DIFFERENCE * len(runs), own
+        runs = [each.run for each in own]
+    return 0.0, []
 
 
 class _JointFit:
@@ -137,45 +165,53 @@ class _JointFit:
                 ),
             ),
         }
-        self.rows = rows
         self.widths = subject.fit.widths
+        self._sum_up(rows)
         seconds = PER_SECOND * read.seconds
         self.independent = min(seconds, MOST_INDEPENDENT * self.runs, len(read.q))
 
-    def evidence(self, taken: list[tuple[int, str]]) -> tuple[float, Array, Array]:
-        """Its logarithm with these runs' differences; values and deviations of the last one."""
-        parts = [self.rows * self.widths]
-        widths = np.ones(0)
-        for run, kind in taken:
-            columns, width = self.kinds[kind]
-            own = (self.read.run == run)[:, None, None]
-            parts.append(np.where(own, self.rows[:, :, columns] * width, 0.0))
-            widths = width
-        x = np.concatenate(parts, axis=2)
-        grams, products, squares, counts, floors = [], [], [], [], []
-        for joint in range(self.n):
-            used = self.read.moves[:, joint]
-            if used.sum() < 12:
-                continue
-            own, y = x[used, joint], self.gap[used, joint]
-            grams.append(own.T @ own)
-            products.append(own.T @ y)
-            squares.append(float(y @ y))
-            counts.append(int(used.sum()))
-            floors.append(self.floors[joint])
-        g, b, c, m, floor = (np.array(each) for each in (grams, products, squares, counts, floors))
+    def _sum_up(self, rows: Array) -> None:
+        """Products of each run's rows (N, n, p), a joint that moves enough: all that a fit needs."""
+        moves = self.read.moves
+        self.joints = np.flatnonzero(moves.sum(axis=0) >= LEAST_SAMPLES)
+        count, p = len(self.joints), rows.shape[2]
+        self.xx, self.xy = np.zeros((self.runs, count, p, p)), np.zeros((self.runs, count, p))
+        self.yy, self.counts = np.zeros(count), np.zeros(count)
+        for place, joint in enumerate(self.joints):
+            for run in range(self.runs):
+                used = moves[:, joint] & (self.read.run == run)
+                x, y = rows[used, joint], self.gap[used, joint]
+                self.xx[run, place], self.xy[run, place] = x.T @ x, x.T @ y
+                self.yy[place] += float(y @ y)
+                self.counts[place] += int(used.sum())
+
+    def evidence(self, taken: list[tuple[int, str]]) -> tuple[float, list[Array], list[Array]]:
+        """Its logarithm with these runs' differences; values and deviations of each."""
+        p, own = self.xx.shape[2], [(run, *self.kinds[kind]) for run, kind in taken]
+        starts = p + np.cumsum([0, *(len(columns) for _, columns, _ in own)])
+        g = np.zeros((len(self.joints), starts[-1], starts[-1]))
+        b = np.zeros((len(self.joints), starts[-1]))
+        g[:, :p, :p] = self.xx.sum(axis=0) * np.outer(self.widths, self.widths)
+        b[:, :p] = self.xy.sum(axis=0) * self.widths
+        for (run, columns, widths), start in zip(own, starts[:-1], strict=True):
+            part, xx = slice(start, start + len(columns)), self.xx[run]
+            g[:, :p, part] = xx[:, :, columns] * np.outer(self.widths, widths)
+            g[:, part, :p] = np.swapaxes(g[:, :p, part], 1, 2)
+            g[:, part, part] = xx[:, columns[:, None], columns] * np.outer(widths, widths)
+            b[:, part] = self.xy[run][:, columns] * widths
+        c, m, floor = self.yy, self.counts, self.floors[self.joints]
         weight, variance = self.independent * m / len(self.read.q), np.maximum(c / m, floor)
         for _ in range(ITERATIONS):
-            a = np.tensordot(weight / m / variance, g, axes=1) + np.eye(x.shape[2])
+            a = np.tensordot(weight / m / variance, g, axes=1) + np.eye(starts[-1])
             factor = cho_factor(a)
             z = cho_solve(factor, (weight / m / variance) @ b)
-            rest = np.maximum(c - 2 * b @ z + np.einsum("jik,i,k->j", g, z, z), 0.0)
+            rest = np.maximum(c - 2 * b @ z + np.einsum("jik,i,k->j", g, z, z, optimize=True), 0.0)
             variance = np.maximum(rest / m, floor)
         log_determinant = 2 * float(np.sum(np.log(np.diag(factor[0]))))
         fits = -weight * 0.5 * (np.log(variance) + rest / m / variance)
         evidence = float(fits.sum()) - 0.5 * float(z @ z) - 0.5 * log_determinant
-        count = len(widths)
-        if not count:
-            return evidence, np.zeros(0), np.zeros(0)
-        covariance = cho_solve(factor, np.eye(x.shape[2]))[-count:, -count:]
-        return evidence, z[-count:] * widths, np.sqrt(np.diag(covariance)) * widths
+        root = np.sqrt(np.diag(cho_solve(factor, np.eye(starts[-1]))))
+        parts = [slice(start, stop) for start, stop in pairwise(starts)]
+        widths_of = [widths for _, _, widths in own]
+        values = [z[part] * widths for part, widths in zip(parts, widths_of, strict=True)]
+        return evidence, values, [root[part] * widths for part, widths in zip(parts, widths_of, strict=True)]

@@ -4,6 +4,8 @@ The parameters are Gaussian about the model's, as wide as CAD and data sheets ar
 (identification/prior.py); what they leave at a joint has its own variance. The logarithm of the likelihood,
 with the parameters integrated out (MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992), compares
 conventions: a model that is a little wrong everywhere costs little, one that must be bent far costs much.
+
+A joint that stands still tells its gravity to within its friction, once a run.
 """
 
 from dataclasses import dataclass, replace
@@ -55,7 +57,7 @@ class Explained:
 
 
 class ModelFit:
-    """A robot's model and samples of its logs. Joints that hardly move do not count."""
+    """A robot's model and samples of its logs."""
 
     def __init__(self, robot: Robot, samples: Samples):
         self.robot, self.samples = robot, samples
@@ -69,7 +71,10 @@ class ModelFit:
             np.maximum(np.sqrt(np.mean(each**2, axis=0)), SLOWEST) for each in (samples.dq, samples.ddq)
         )
         self.widths: Array = parameter_widths(robot.parameters, self.typical, speed, acceleration)
-        self._products: dict[Convention, _Products] = {}
+        friction = np.stack([robot.parameters, self.widths]).reshape(2, -1, PER_JOINT)[..., COULOMB]
+        # N·m (N): what a joint may hold at rest, and what no model explains.
+        self.holds = np.sqrt(np.sum(friction**2, axis=0) + (LEAST_LEFT * self.torque_rms) ** 2)
+        self._products: dict[Convention, tuple[_Products, _Products]] = {}
         self.independent = min(PER_SECOND * samples.seconds, MOST_INDEPENDENT, len(samples.q))
 
     def model(self, samples: Samples, convention: Convention | None = None) -> Array:
@@ -94,14 +99,14 @@ class ModelFit:
         if as_logged not in self._products:
             self._products.clear()
             self._products[as_logged] = self._regressed(as_logged)
-        at, left = self._products[as_logged], np.full(n, np.nan)
+        (at, standing), left = self._products[as_logged], np.full(n, np.nan)
         if not len(at.joints):
             return Explained(0.0, left, self.robot.parameters, 0.0)
         scale = np.array(convention.scale)[at.joints]
-        factor = np.array(convention.torque_sign)[at.joints] / scale
-        # Of torque over its factor, less the model's.
-        b = factor[:, None] * at.torque_products - at.model_products
-        c = factor**2 * at.torque_square - 2 * factor * at.both + at.model_square
+        b, c = at.less_the_model(convention)
+        held = standing.less_the_model(convention)
+        holds = self.holds[standing.joints] ** 2
+        once = standing.runs / standing.samples / holds
         floors = (LEAST_LEFT * at.torque_rms / scale) ** 2
         weight, variance = (
             self.independent * at.samples / len(self.samples.q),
@@ -109,44 +114,64 @@ class ModelFit:
         )
         for _ in range(ITERATIONS):
             each = weight / at.samples / variance
-            a = np.tensordot(each, at.grams, axes=1) + np.eye(at.grams.shape[1])
-            factorised = cho_factor(a)
-            z = cho_solve(factorised, each @ b)
+            a = np.tensordot(each, at.grams, axes=1) + np.tensordot(once, standing.grams, axes=1)
+            factorised = cho_factor(a + np.eye(len(a)))
+            z = cho_solve(factorised, each @ b + once @ held[0])
             rest = np.maximum(c - 2 * b @ z + np.einsum("jik,i,k->j", at.grams, z, z), 0.0)
             before, variance = variance, np.maximum(rest / at.samples, floors)
             if np.allclose(before, variance, rtol=SETTLED):
                 break
         log_determinant = 2 * float(np.sum(np.log(np.diag(factorised[0]))))
         fits = -weight * (0.5 * np.log(variance) + np.log(scale) + 0.5 * rest / at.samples / variance)
-        evidence = float(fits.sum()) - 0.5 * float(z @ z) - 0.5 * log_determinant
+        rests = held[1] - 2 * held[0] @ z + np.einsum("jik,i,k->j", standing.grams, z, z)
+        evidence = float(fits.sum() - 0.5 * once @ rests) - 0.5 * float(z @ z) - 0.5 * log_determinant
         left[at.joints] = np.sqrt(rest / at.samples) * scale / at.torque_rms
         bent = float(np.sqrt(z @ z / len(at.joints)))
         return Explained(evidence, left, self.robot.parameters + self.widths * z, bent)
 
-    def _regressed(self, convention: Convention) -> "_Products":
-        """The products that a fit needs, of the joints that count."""
+    def _regressed(self, convention: Convention) -> tuple["_Products", "_Products"]:
+        """The products that a fit needs, of the joints that move, and of those that stand still.
+
+        A column of torques counts where the positions of its own name move, whatever the convention: one
+        that chose its samples could leave out what speaks against it.
+        """
         chain, read = chain_of(self.robot.chain, convention), read_by(self.samples, convention)
         rows = regressor(chain, read.q, read.dq, read.ddq, threads=1)
         model = rows @ self.robot.parameters + spring_torque(chain.springs, read.q)
-        power = np.sum(np.where(read.moves, read.torque, 0.0) ** 2, axis=0)
-        joints = np.flatnonzero((read.moves.sum(axis=0) >= FEWEST) & (power > 0))
-        grams, torque_products, model_products = [], [], []
-        figures = np.zeros((4, len(joints)))
-        for index, joint in enumerate(joints.tolist()):
-            used = read.moves[:, joint]
-            x, torque, own = rows[used, joint] * self.widths, read.torque[used, joint], model[used, joint]
-            grams.append(x.T @ x)
-            torque_products.append(x.T @ torque)
-            model_products.append(x.T @ own)
-            figures[:, index] = len(torque), torque @ torque, torque @ own, own @ own
-        shape = (len(joints), len(self.widths))
-        return _Products(
-            joints,
-            np.array(grams).reshape(*shape, shape[1]),
-            np.array(torque_products).reshape(shape),
-            np.array(model_products).reshape(shape),
-            *figures,
+        moves = self.samples.moves[:, list(convention.torque_order)]
+        power = np.sum(np.where(moves, read.torque, 0.0) ** 2, axis=0)
+        counts = (moves.sum(axis=0) >= FEWEST) & (power > 0)
+        stands = ~moves.any(axis=0) & np.any(read.torque != 0, axis=0)
+        # At rest, friction has any size and sign.
+        without = rows.reshape(*rows.shape[:2], -1, PER_JOINT).copy()
+        without[..., [VISCOUS, COULOMB]] = 0.0
+        steady = without.reshape(rows.shape)
+        return (
+            self._products_of(np.flatnonzero(counts), moves, rows, model, read),
+            self._products_of(
+                np.flatnonzero(stands), ~moves, steady, model - (rows - steady) @ self.robot.parameters, read
+            ),
         )
+
+    def _products_of(
+        self, joints: NDArray[np.int64], where: NDArray[np.bool_], rows: Array, model: Array, read: Samples
+    ) -> "_Products":
+        shape = (len(joints), len(self.widths))
+        grams, torque_products, model_products = (
+            np.zeros((*shape, shape[1])),
+            np.zeros(shape),
+            np.zeros(shape),
+        )
+        figures = np.zeros((5, len(joints)))
+        for index, joint in enumerate(joints.tolist()):
+            used = where[:, joint]
+            x, torque, own = rows[used, joint] * self.widths, read.torque[used, joint], model[used, joint]
+            grams[index] = x.T @ x
+            torque_products[index] = x.T @ torque
+            model_products[index] = x.T @ own
+            runs = len(np.unique(read.run[used]))
+            figures[:, index] = len(torque), runs, torque @ torque, torque @ own, own @ own
+        return _Products(joints, grams, torque_products, model_products, *figures)
 
 
 @dataclass(frozen=True)
@@ -154,7 +179,7 @@ class _Products:
     """Products of the scaled regressors and the torques of the joints that count, (k,) each.
 
     grams: (k, 14 n, 14 n). torque_products, model_products: (k, 14 n), with the torque and with the model's.
-    samples: in motion. torque_square, both, model_square: of both torques.
+    samples: that count. runs: that have these. torque_square, both, model_square: of both torques.
     """
 
     joints: NDArray[np.int64]
@@ -162,6 +187,7 @@ class _Products:
     torque_products: Array
     model_products: Array
     samples: Array
+    runs: Array
     torque_square: Array
     both: Array
     model_square: Array
@@ -170,3 +196,9 @@ class _Products:
     def torque_rms(self) -> Array:
         """(k,) as logged."""
         return np.sqrt(self.torque_square / self.samples)
+
+    def less_the_model(self, convention: Convention) -> tuple[Array, Array]:
+        """Products (k, 14 n) and squares (k,) of the torque over its factor, less the model's."""
+        factor = (np.array(convention.torque_sign) / np.array(convention.scale))[self.joints]
+        products = factor[:, None] * self.torque_products - self.model_products
+        return products, factor**2 * self.torque_square - 2 * factor * self.both + self.model_square

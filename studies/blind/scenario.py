@@ -9,6 +9,7 @@ from identification.errors import InputError
 from testbench.containment.names import FolderName
 from testbench.files import is_file
 from testbench.scenario import Fraction, Seconds, first_fault
+from testbench.shipped import shipped
 from testbench.yaml_file import read_fields
 
 # Kind of a case: number of effects of the catalogue that act in it.
@@ -101,7 +102,7 @@ class BlindScenario(_Section):
 
 def load_blind_scenario(path: str | Path, seed: int | None = None) -> BlindScenario:
     """The scenario of a YAML file, models found from it. seed: instead of the file's. Raises InputError."""
-    path = Path(path)
+    path = shipped(path)
     content = read_fields(path)
     try:
         scenario = BlindScenario.model_validate(content)

@@ -14,7 +14,7 @@ from identification.parameters import ARMATURE, COULOMB, PER_JOINT, VISCOUS
 from testbench.background import background
 from testbench.clearance import robot_clearance
 from testbench.effects.base import Injection
-from testbench.excite import CLEARANCE
+from testbench.jobs.excite import CLEARANCE
 from testbench.log import Controller, Recording
 from testbench.model_error import ModelError, nominal_model
 from testbench.model_file import write_model

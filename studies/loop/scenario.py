@@ -17,6 +17,7 @@ from testbench.scenario import (
     SimulationSection,
     first_fault,
 )
+from testbench.shipped import shipped
 from testbench.yaml_file import read_fields
 
 
@@ -59,7 +60,7 @@ class LoopScenario(_Section):
 
 def load_loop_scenario(path: str | Path, seed: int | None = None) -> LoopScenario:
     """The scenario of a YAML file, its model found. seed: instead of the file's. Raises InputError."""
-    path = Path(path)
+    path = shipped(path)
     try:
         scenario = LoopScenario.model_validate(read_fields(path))
     except ValidationError as error:

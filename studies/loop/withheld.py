@@ -13,11 +13,11 @@ from identification.excitation.design import random_excitation
 from identification.excitation.excitation import DesignOptions, Excitation
 from identification.excitation.trajectory import Trajectory
 from testbench.clearance import robot_clearance
-from testbench.excite import CLEARANCE
+from testbench.jobs.excite import CLEARANCE
+from testbench.jobs.run import simulation_options
 from testbench.log import Recording
 from testbench.model_error import ModelError, nominal_model
 from testbench.robot import Robot, load_robot
-from testbench.run import simulation_options
 from testbench.scenario import Scenario
 from testbench.simulation import SimulationOptions, sample_reference, simulate
 

@@ -7,6 +7,7 @@ import importlib
 import pkgutil
 from functools import cache
 
+import identification.compiled  # noqa: F401  kernels of the plants are kept where it says
 from identification.errors import InputError
 
 from .case import Case, Fault

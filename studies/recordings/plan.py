@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from identification.errors import InputError
 from testbench.files import is_file
 from testbench.scenario import first_fault
+from testbench.shipped import shipped
 from testbench.yaml_file import read_fields
 
 FORM = "runs that are fitted -> the run that is predicted, as in 'A + B -> C'"
@@ -66,6 +67,7 @@ def load_plan(path: Path, data: Path) -> list[Split]:
 
     A recording whose folder is not there is passed over; one of which a file lacks is refused.
     """
+    path = shipped(path)
     content = read_fields(path)
     try:
         plan = RecordingsPlan.model_validate(content)

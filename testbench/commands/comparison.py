@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Processes, ScenarioSeed
+from .options import AS_LOGGED, Chosen, Model, Processes, ScenarioSeed
 
 
 def compare(
@@ -42,8 +42,24 @@ def list_names(*, json: Annotated[bool, Parameter(help="for machines", negative=
     print_catalogue(json)
 
 
+def parity(*, model: Model, chosen: Chosen = AS_LOGGED) -> None:
+    """Hold our torques and MuJoCo's on a model against Pinocchio's; needs the extra "parity"."""
+    from ..jobs.parity import parity_of_model
+
+    parity_of_model(model, chosen.choice())
+
+
+def scenarios(
+    *, out: Annotated[Path, Parameter(help="folder that gets scenarios/ and models/")] = Path()
+) -> None:
+    """Copy the scenarios and models that come with the program, to read and to change."""
+    from ..shipped import copy_shipped
+
+    copy_shipped(out)
+
+
 def view(directory: Annotated[Path, Parameter(help="folder that run has written")], /) -> None:
     """Open a recorded Rerun session."""
-    from ..view import view as open_session
+    from ..jobs.view import view as open_session
 
     open_session(directory)

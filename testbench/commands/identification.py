@@ -31,7 +31,7 @@ def run(
     jobs: Jobs = None,
 ) -> None:
     """Design, simulate, log, identify, compare with the truth, report: the whole chain."""
-    from ..run import run_scenario
+    from ..jobs.run import run_scenario
 
     run_scenario(scenario, out, seed, jobs)
 
@@ -62,7 +62,7 @@ def excite(
     """Design an excitation within the limits of a model."""
     from identification.excitation.excitation import DesignOptions
 
-    from ..excite import excite_model
+    from ..jobs.excite import excite_model
 
     options = DesignOptions(
         trajectory=trajectory,
@@ -100,18 +100,9 @@ def simulate(
     jobs: Jobs = None,
 ) -> None:
     """Run the simulated robot along a trajectory and log it."""
-    from ..simulate import simulate_model
-    from ..simulation import ControllerOptions, SensorOptions, SimulationOptions
+    from ..jobs.simulate import options_of, simulate_model
 
-    options = SimulationOptions(
-        controller=ControllerOptions(kind=controller, bandwidth=bandwidth),
-        sensors=SensorOptions(
-            encoder_bits=encoder_bits,
-            slide_resolution=1e-6 if encoder_bits else 0.0,
-            torque_noise=0.0 if torque_noise is None else torque_noise,
-        ),
-        physics_timestep=2e-4,
-    )
+    options = options_of(controller, bandwidth, encoder_bits, torque_noise)
     noisy = torque_noise is None
     simulate_model(model, trajectory, out, periods, options, effect or (), seed, jobs, chosen.choice(), noisy)
 
@@ -179,22 +170,18 @@ def identify(
     ] = None,
 ) -> None:
     """Identify a robot's base parameters from its logs and validate them on others."""
-    from identification.models import Preprocessing
-    from identification.parameters import GROUPS
-    from identification.pipeline import IdentificationOptions
-
     from ..containment.folder import results_folder
-    from ..identify import identify_logs
+    from ..jobs.identify import identify_logs, options_of
     from ..runs import first_look
 
-    groups = tuple(GROUPS) if parameters is None else tuple(parameters)
-    preprocessing = Preprocessing(cutoff, differentiation, dead_zone, identification_model)
-    options = IdentificationOptions(estimator, groups, preprocessing, strict, own_bands=True)
+    options = options_of(
+        estimator, identification_model, differentiation, parameters, cutoff, dead_zone, strict
+    )
     stated, look = drives.stated(), first_look(logs[0], map)
     if stated is not None or look.servo:
         from ..drives.job import identify_servo_logs
 
-        if options != IdentificationOptions("wls", tuple(GROUPS), Preprocessing(), False, own_bands=True):
+        if options != options_of():
             names = "--estimator, --parameters, --strict or a filter's option"
             raise InputError(
                 "testbench", names, "logs with torque", "a loop that is simulated, which has none"

@@ -60,3 +60,19 @@ def study_robots(
 
     with results_folder(out, ("results", "robots.md"), resumes=True):
         study(models, out, jobs)
+
+
+@app.command(name="ablation")
+def study_ablation(
+    *,
+    out: Annotated[Path, Parameter(help="folder for ablation.md and .json; a second call resumes")],
+    robots: Annotated[int, Parameter(help="robots a plant", validator=at_least(1, "--robots"))] = 8,
+    seed: Seed = 0,
+    minutes: Annotated[float, Parameter(help="time for diagnoses without a rule")] = 60.0,
+) -> None:
+    """Neutralise each rule of the diagnosis in turn and tabulate the answers that it changes."""
+    from studies.ablation.study import WRITTEN, study
+    from testbench.containment.folder import results_folder
+
+    with results_folder(out, WRITTEN, resumes=True):
+        study(out, robots, seed, minutes)

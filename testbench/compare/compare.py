@@ -12,8 +12,8 @@ from identification.errors import InputError
 from identification.excitation.design import DesignOptions, design_excitation, random_excitation
 from identification.excitation.trajectory import Trajectory
 
-from ..excite import design_room
 from ..files import replacing, require_writable
+from ..jobs.excite import design_room
 from ..robot import load_robot
 from ..scenario import Scenario, load_scenario
 from . import criteria, estimators

@@ -26,7 +26,7 @@ from identification.excitation.trajectory import Trajectory
 from identification.excitation.two_stage import design_two_stage
 
 from ..clearance import RobotClearance
-from ..excite import design_room
+from ..jobs.excite import design_room
 from ..robot import Robot
 from ..scenario import Scenario
 from .case import Case, Row

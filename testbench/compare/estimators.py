@@ -8,7 +8,7 @@ from identification.parameters import GROUPS
 from identification.pipeline import IdentificationOptions
 
 from ..findings import torque_error
-from ..identify import identify_recordings
+from ..jobs.identify import identify_recordings
 from ..log import read_log
 from ..scenario import Scenario
 from .case import Case, Row

@@ -20,11 +20,11 @@ from identification.regressor import regressor
 
 from ..closed_loop import recorded_loops
 from ..comparison import cramer_rao
+from ..jobs.run import simulation_options, torque_noise_std
 from ..log import Recording
 from ..model_error import ModelError, nominal_parameters
 from ..model_reading.reading import Choice
 from ..robot import Robot, load_robot
-from ..run import simulation_options, torque_noise_std
 from ..sampling import motion
 from ..scenario import Scenario
 from ..simulation import sample_reference, simulate

@@ -5,7 +5,7 @@ from identification.estimators import estimate
 from identification.excitation.design import DesignOptions, design_excitation
 from identification.excitation.trajectories import TRAJECTORIES, trajectory_from_dict
 
-from ..excite import design_room
+from ..jobs.excite import design_room
 from .case import Case, Row
 from .experiment import accuracy, experiment, robot_of, scenario_of, timed
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from identification.errors import InputError
 
+from ..blas import BLAS_THREADS
 from .wire import BrokenMessageError, receive, send
 
 # Seconds to read what takes a good file a tenth of one, and bytes a second of a slow disk.
@@ -41,6 +42,8 @@ class _Child:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            # Memory for a thread a core would count against its limit.
+            env=os.environ | {BLAS_THREADS: "1"},
         )
         self.is_ready = False
 

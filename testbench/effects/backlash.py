@@ -1,7 +1,6 @@
 """Backlash: play between motor and link."""
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from typing import Any
 
 import mujoco
@@ -23,7 +22,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .joint_elasticity import add_link_joint
-from .link_motion import gap_windup, link_row, loose_change
+from .link_motion import link_row, loose_change
 from .mjcf_form import file_angle
 from .signature import ColumnsByRun, Family, Logged, Member, Quantity, grid_family
 
@@ -74,16 +73,11 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     rows = tuple(range(runs[0].joints))
-    links = [link_row(run, joint) for run in runs]
-
-    @lru_cache(maxsize=2)
-    def tight(contact: float) -> list[Array]:
-        return [gap_windup(link, 0.0, contact) for link in links]
 
     def member(shape: Mapping[str, float]) -> Member:
-        gap, contact = shape["gap"], shape["contact"]
+        play = shape["gap"], shape["contact"]
         columns = ColumnsByRun(
-            lambda run: loose_change(links[run], gap, contact, tight(contact)[run])[:, :, None], len(links)
+            lambda run: loose_change(link_row(runs[run], joint), *play)[:, :, None], len(runs)
         )
         return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, 2.0))
 

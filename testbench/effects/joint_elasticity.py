@@ -107,7 +107,6 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     inertia = typical_link_inertia(runs[0], joint)
-    links = [link_row(run, joint) for run in runs]
     rows = tuple(range(runs[0].joints))
 
     def damping(shape: Mapping[str, float]) -> float:
@@ -115,7 +114,9 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     def member(shape: Mapping[str, float]) -> Member:
         spring = shape["stiffness"], damping(shape), shape.get("doubling_windup", np.inf)
-        columns = ColumnsByRun(lambda run: elastic_change(links[run], *spring)[:, :, None], len(links))
+        columns = ColumnsByRun(
+            lambda run: elastic_change(link_row(runs[run], joint), *spring)[:, :, None], len(runs)
+        )
         if "doubling_windup" in shape:
             return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, MOST_HARDENING), HARDENING)
         return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, np.inf))
@@ -136,7 +137,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         return (2 * np.pi * frequency) ** 2 * inertia
 
     stiffnesses = stiffness(LOWEST), stiffness(HIGHEST)
-    load = float(np.sqrt(np.mean(np.concatenate([link.load for link in links]) ** 2)))
+    load = float(np.sqrt(np.mean(np.concatenate([run.load[:, joint] for run in runs]) ** 2)))
     linear = [
         {"stiffness": stiffness(each), "damping_ratio": ratio}
         for each in FREQUENCIES

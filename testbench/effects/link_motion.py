@@ -76,9 +76,12 @@ class LinkRow:
 
 def link_row(run: Logged, joint: int) -> LinkRow:
     """The row of one joint."""
-    own = [np.ascontiguousarray(part[:, joint]) for part in (run.load, *run.load_derivatives(joint))]
-    own[3] = np.maximum(own[3], LEAST_INERTIA_SHARE * typical_link_inertia(run, joint))
-    return LinkRow(run, joint, *own)
+    kept = run.kept_with_derivatives(joint)
+    if "row" not in kept:
+        own = [np.ascontiguousarray(part[:, joint]) for part in (run.load, *run.load_derivatives(joint))]
+        own[3] = np.maximum(own[3], LEAST_INERTIA_SHARE * typical_link_inertia(run, joint))
+        kept["row"] = tuple(own)
+    return LinkRow(run, joint, *kept["row"])
 
 
 def elastic_change(row: LinkRow, stiffness: float, damping: float, doubling: float = np.inf) -> Array:
@@ -96,16 +99,27 @@ def elastic_change(row: LinkRow, stiffness: float, damping: float, doubling: flo
     return row.run.load_change(row.joint, -windup)
 
 
-def loose_change(row: LinkRow, gap: float, contact: float, tight: Array) -> Array:
+def loose_change(row: LinkRow, gap: float, contact: float) -> Array:
     """Change of the torque where the transmission has play, less that of its contact alone, (N, n) N·m.
 
-    gap, contact: as of ``gap_windup``. tight: (N, 3), what that is without play. Zero where the link never
-    leaves the end of the gap that it starts at: that is an offset of the encoder and nothing more.
+    gap, contact: as of ``gap_windup``. Zero where the link never leaves the end of the gap that it starts at:
+    that is an offset of the encoder and nothing more.
     """
     loose = gap_windup(row, gap, contact)
     if (loose[:, 0] > 0).all() or (loose[:, 0] < 0).all():
         return np.zeros((row.run.samples, row.run.joints))
-    return row.run.load_change(row.joint, tight - loose)
+    return row.run.load_change(row.joint, _tight(row, contact) - loose)
+
+
+def _tight(row: LinkRow, contact: float) -> Array:
+    """Windup and its derivatives (N, 3) without play; those of the last two contacts are kept."""
+    kept, name = row.run.kept_with_derivatives(row.joint), ("tight", contact)
+    if (found := kept.get(name)) is None:
+        found = (gap_windup(row, 0.0, contact),)
+        for old in [each for each in kept if each != "row"][:-1]:
+            kept.pop(old, None)
+        kept[name] = found
+    return found[0]
 
 
 def gap_windup(row: LinkRow, gap: float, contact: float) -> Array:

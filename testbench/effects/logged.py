@@ -1,7 +1,8 @@
 """One logged run, with what the model says along it: the ground that signatures are made from."""
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial
 from typing import Any
 
 import mujoco
@@ -24,8 +25,9 @@ Array = NDArray[np.float64]
 ANGLE_STEP = 1e-5
 # Samples of the load's derivatives in a period of the cut-off.
 SPLINE_SAMPLES = 8
-# Joints whose derivatives of the load are kept: effects are made for one joint after the other.
-DERIVATIVES = 3
+# Joints whose derivatives of the load are kept, at most so many bytes of them: effects are made for one joint
+# after the other. So many samples of them are made at once.
+DERIVATIVES, MOST_BYTES, AT_ONCE = 3, 1 << 28, 1 << 16
 # What a run has of every sample.
 PER_SAMPLE = (
     "time",
@@ -187,24 +189,40 @@ class Logged:
         table[:, INERTIAL:] = 0.0
         return table.ravel()
 
+    def let_go(self) -> None:
+        """Forget all that was made of this run so far; whatever is asked for again is made again."""
+        for name in self.__dict__.keys() - {each.name for each in fields(self)}:
+            self.__dict__.pop(name, None)
+
     @cached_property
-    def _derivatives(self) -> dict[int, tuple[Array, Array, Array]]:
+    def _derivatives(self) -> dict[int, "_Derivatives"]:
         return {}
 
     def load_derivatives(self, joint: int) -> tuple[Array, Array, Array]:
         """d load / d(q, dq, ddq) of one joint, each (N, n)."""
+        return self._derivatives_of(joint).each
+
+    def kept_with_derivatives(self, joint: int) -> dict[Hashable, tuple[Array, ...]]:
+        """What else was made of one joint's derivatives, by its name: kept as long as they are."""
+        return self._derivatives_of(joint).made_of_them
+
+    def _derivatives_of(self, joint: int) -> "_Derivatives":
         kept = self._derivatives
         if (found := kept.get(joint)) is None:
             # The motion has nothing above the cut-off, so a coarse grid and a cubic spline carry them.
             step = max(int(self.sample_rate / (SPLINE_SAMPLES * self.cutoff)), 1)
             grid = np.unique(np.r_[0 : self.samples : step, self.samples - 1])
-            values = self._load_derivatives_at(joint, grid)
+            values: Callable[[NDArray[np.int64]], Array] = partial(self._load_derivatives_at, joint)
             if step > 1 and len(grid) > 3:
-                values = make_interp_spline(grid, values)(np.arange(self.samples))
-            by_q, by_dq, by_ddq = (np.ascontiguousarray(part) for part in np.split(values, 3, axis=1))
-            found = kept[joint] = by_q, by_dq, by_ddq
+                values = make_interp_spline(grid, values(grid))
+            made = np.empty((3, self.samples, self.joints))
+            for first in range(0, self.samples, AT_ONCE):
+                part = np.arange(first, min(first + AT_ONCE, self.samples))
+                for whole, own in zip(made, np.split(values(part), 3, axis=1), strict=True):
+                    whole[part] = own
+            found = kept[joint] = _Derivatives((made[0], made[1], made[2]))
             # Those of all joints are most of what a run would hold.
-            for old in list(kept)[:-DERIVATIVES]:
+            for old in list(kept)[: -min(DERIVATIVES, max(MOST_BYTES // made.nbytes, 1))]:
                 kept.pop(old, None)
         return found
 
@@ -228,6 +246,14 @@ class Logged:
                 inverse_dynamics(weightless, self._links, q, still, still + unit, threads=1),
             ]
         )
+
+
+@dataclass(frozen=True)
+class _Derivatives:
+    """d load / d(q, dq, ddq) of one joint, each (N, n), and what was made of them."""
+
+    each: tuple[Array, Array, Array]
+    made_of_them: dict[Hashable, tuple[Array, ...]] = field(default_factory=dict)
 
 
 @kernel

@@ -11,7 +11,7 @@ from ..robot import Robot
 from .action import DRIVE, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, require_joint, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, Quantity, grid_family, single_joint
+from .signature import ColumnsByRun, Family, Logged, Member, Quantity, grid_family
 
 Array = NDArray[np.float64]
 
@@ -76,10 +76,14 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
 def _member(joint: int, asked: Sequence[Array], shape: Mapping[str, float]) -> Member:
     limit = shape["limit"]
+
+    def beyond(run: int) -> Array:
+        return (asked[run] - np.clip(asked[run], -limit, limit))[:, None, None]
+
     return Member(
         shape={"limit": limit},
         rows=(joint,),
-        columns=single_joint([(torque - np.clip(torque, -limit, limit))[:, None] for torque in asked]),
+        columns=ColumnsByRun(beyond, len(asked)),
         lower=np.array(FACTOR[:1]),
         upper=np.array(FACTOR[1:]),
     )

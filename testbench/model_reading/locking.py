@@ -37,7 +37,7 @@ def lock(spec: Any, model: Any, selection: Selection) -> tuple[str, ...]:
     for joint in selection.kept:
         elements[joint].name = joint_label(model, joint)
     out = _subtrees(model, selection.ignored)
-    qpos, where = _standing(model)
+    qpos, where = standing(model)
     notes = _notes(model, selection, out, where)
     _drop_what_refers(spec, model, kept, out)
     _pose_bodies(spec, model, kept, qpos, out)
@@ -79,7 +79,7 @@ def _followers(model: Any) -> list[tuple[int, int]]:
     return [(int(model.eq_obj1id[each]), int(model.eq_obj2id[each])) for each in which]
 
 
-def _standing(model: Any) -> tuple[Array, str]:
+def standing(model: Any) -> tuple[Array, str]:
     """The positions (nq,) of the keyframe called home, else of the first, else zero within the ranges."""
     if model.nkey:
         names = [model.key(key).name for key in range(model.nkey)]

@@ -13,10 +13,10 @@ from testbench.effects.base import Injection
 from testbench.effects.external_contact import pushes
 from testbench.effects.link_force import push_point
 from testbench.effects.logged import Logged, body_in_link, logged_run
+from testbench.jobs.parity import mujoco_torques
 from testbench.log import Recording
 from testbench.robot import Robot, load_robot
 
-from ..mujoco_torque import mujoco_torques
 from .moving_tx90 import RATE, explained, fitted, rms
 
 INJECTED = {

@@ -8,16 +8,19 @@ import pytest
 from identification.inverse_dynamics import inverse_dynamics
 from identification.parameters import ARMATURE, INERTIAL, PER_JOINT
 from recordings.checks import Severity
+from recordings.checks.convention import as_modelled
 from recordings.checks.conventions import check
+from recordings.checks.model_fit import ModelFit
+from recordings.checks.samples import slow_samples
 from recordings.checks.subject import Subject
 from testbench.cli import main
 from testbench.effects import parse_injection
 from testbench.log import Recording, write_log
-from testbench.robot import Robot
+from testbench.robot import Robot, load_robot
 
 from ..diagnosed import simulated_runs
 from ..diagnosis.output.arm import ARM, LIFT
-from ..small_arm import small_arm
+from ..small_arm import SCARA, small_arm
 from ..synthetic import synthetic_result, synthetic_robot
 
 
@@ -150,3 +153,34 @@ def test_commands_refuse_such_a_log_by_its_file(robot, healthy, tmp_path, capsys
     line = capsys.readouterr().err
     assert line.startswith(f"{path}: joint/torque: expected the sign that turns a joint")
     assert line.count("\n") == 1
+
+
+def _in_turn(robot: Robot, *joints: int) -> list[Recording]:
+    """Logs of joints that move one at a time, with a third of the model's friction and noise."""
+    table = robot.parameters.reshape(-1, PER_JOINT).copy()
+    table[:, ARMATURE + 1 :] *= 0.3
+    time = np.arange(0, 6, 0.002)
+    logs = []
+    for number, joint in enumerate(joints):
+        position = np.zeros((len(time), robot.joints))
+        position[:, joint] = 1.2 * np.sin(np.pi * time / 6) ** 2
+        velocity = np.gradient(position, time, axis=0)
+        acceleration = np.gradient(velocity, time, axis=0)
+        torque = inverse_dynamics(robot.chain, table.ravel(), position, velocity, acceleration)
+        noise = np.random.default_rng(number).normal(size=torque.shape)
+        torque = torque + 0.05 * np.sqrt(np.mean(torque**2)) * noise
+        logs.append(Recording(robot.name, robot.joint_names, 500.0, "test", time, position, torque))
+    return logs
+
+
+def test_a_convention_does_not_choose_the_samples_that_it_is_judged_by(tmp_path):
+    (tmp_path / "scara.xml").write_text(SCARA)
+    robot = load_robot(tmp_path / "scara.xml")
+    samples = slow_samples(_in_turn(robot, 0, 1))
+    assert samples is not None
+    as_it_is = as_modelled(robot.joints)
+    exchanged = replace(as_it_is, position_order=(1, 0, 2))
+    left = [ModelFit(robot, samples).under(each).left[:2] for each in (as_it_is, exchanged)]
+    assert np.all(left[0] < 0.3)
+    # The torque of a joint that would have stood still stays unexplained.
+    assert np.all(left[1] > 0.5)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from recordings.checks.differing_runs import differences
+from recordings.checks.differing_runs import check, differences
 from recordings.checks.subject import Subject
 from testbench.effects import parse_injection
 
@@ -38,3 +38,17 @@ def test_other_offsets_of_one_run_are_found(arm, healthy_runs):
     (found,) = differences(Subject(arm, runs))
     assert (found.run, found.kind) == (2, "offsets")
     assert np.allclose(found.values, [3.0, -1.0], atol=0.3)
+
+
+def test_payloads_of_most_of_the_runs_are_found_with_their_masses(arm, healthy_runs):
+    runs = dict(healthy_runs)
+    for name, mass in (("run_2", 1.5), ("run_3", 3.0)):
+        tool = parse_injection(arm, f"payload::mass={mass},first_moment_x={0.1 * mass}")
+        runs[name] = simulated_runs(arm, [tool], runs=3)[name]
+    found = differences(Subject(arm, runs))
+    assert [(each.run, each.kind) for each in found] == [(1, "payload"), (2, "payload")]
+    for each, mass in zip(found, (1.5, 3.0), strict=True):
+        assert abs(each.values[9] - mass) < max(0.2, 3 * each.deviations[9])
+    (said,) = [each.sentence for each in check(Subject(arm, runs)) if "carries" in each.sentence]
+    assert said.startswith("run_2 carries ")
+    assert ", run_3 " in said

@@ -22,11 +22,11 @@ from identification.inverse_dynamics import inverse_dynamics
 from identification.models import Preprocessing, identification_models, observe
 from identification.problem import Problem
 from testbench.effects import parse_injection
+from testbench.jobs.parity import mujoco_torques
 from testbench.robot import Robot, load_robot
 from testbench.sampling import motion
 
 from ..diagnosed import RATE, simulated_runs
-from ..mujoco_torque import mujoco_torques
 from ..small_arm import ARM, SCARA, small_arm
 
 SHOULDER, ELBOW = 30.0, 6.0

@@ -104,7 +104,8 @@ def test_what_lacks_torque_is_said_and_what_would_do(place: Path, capfd: pytest.
     line = complaint("identify --model arm.xml motion.csv --out d", capfd)
     assert line == (
         "motion.csv: joint/torque: expected measured torque, or a signed current, duty or voltage with its "
-        "constant (torque_constant or the drive's torque_per_unit in a map), got none, but reference positions\n"
+        "constant (torque_constant or the drive's torque_per_unit in a map), got none, but reference "
+        "positions\n"
     )
     with pytest.raises(SystemExit) as exit_:
         main(["import", "motion.csv", "--model", "arm.xml", "--out", "motion.h5"])

@@ -10,7 +10,7 @@ from diagnosis.data.preparation import prepare
 from diagnosis.search.growth import attribute
 from identification.pipeline import IdentificationOptions
 from testbench.findings import headline
-from testbench.identify import identify_recordings
+from testbench.jobs.identify import identify_recordings
 from testbench.log import Recording
 from testbench.lost_samples import lost_samples, mended
 from testbench.robot import Robot

@@ -32,7 +32,7 @@ def stage(tmp_path_factory):
 
 def base_rows(base, fold, joint):
     """A joint's rows of the base regressor, (m, p): zero for what does not load it."""
-    return np.pad(base.x[fold][joint], ((0, 0), (base.loading[joint].start, 0)))
+    return np.pad(base.x(fold, joint), ((0, 0), (base.loading[joint].start, 0)))
 
 
 def solved(stage, candidate, folds):

@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 
 from diagnosis.data.preparation import prepare
-from diagnosis.decision.reported_effects import warms
 from diagnosis.diagnose import diagnose
 from diagnosis.fit.likeliest_shapes import at_likeliest_shape
 from diagnosis.fit.normal_equations import fitted_to
-from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import ground
 from diagnosis.model.candidates import candidates
 from testbench.log import Recording
 from testbench.robot import Robot
@@ -66,19 +63,6 @@ def test_the_way_it_warms_is_chosen_again_beside_all_that_acts(arm, cold):
     time_constant, even, paused = _shape(found.member.shape)
     assert (even, paused) == (0.0, 1.0)
     assert time_constant == pytest.approx(30.0, rel=0.2)
-
-
-@pytest.mark.parametrize(("lost", "is_told"), [(0.01, False), (0.03, True)])
-def test_a_joint_that_loses_next_to_nothing_of_its_friction_has_not_warmed(arm, cold, lost, is_told):
-    prepared = prepare(arm, cold)
-    stage = Stage.of(ground(prepared), [])
-    each = next(c for c in candidates(prepared, only=["thermal_friction_drift"]) if c.family.joint == ELBOW)
-    viscous, _ = np.moveaxis(np.concatenate(each.filtered)[:, 0], -1, 0)
-    friction = np.concatenate(
-        [run.filtered(run.logged.friction[:, [ELBOW]], [ELBOW])[:, 0] for run in prepared.runs]
-    )
-    drop = lost * np.sqrt(np.mean(friction**2) / np.mean(viscous**2))
-    assert warms(stage, each, np.array([drop, 0.0])) == is_told
 
 
 def _shape(shape: dict[str, float]) -> tuple[float, float, float]:

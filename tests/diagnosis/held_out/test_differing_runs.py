@@ -65,6 +65,43 @@ def test_a_tool_of_known_mass_tells_the_gains_of_the_drives(arm):
     assert said.startswith("By the 2 kg that run_2 carries, true over reported torque is shoulder 0.9")
 
 
+TOOLS = {"run_2": 1.0, "run_3": 2.0, "run_5": 1.0, "run_6": 2.0}
+
+
+@pytest.fixture
+def loaded_runs(arm):
+    """Six runs of one robot, of which four carry one of two tools."""
+    runs = simulated_runs(arm, [], runs=6)
+    for mass in (1.0, 2.0):
+        tool = parse_injection(arm, f"payload::mass={mass},first_moment_x=0.1,first_moment_z=0.05")
+        carried = simulated_runs(arm, [tool], runs=6)
+        runs |= {name: carried[name] for name, own in TOOLS.items() if own == mass}
+    return runs
+
+
+def test_tools_in_most_of_the_runs_are_each_weighed(arm, loaded_runs):
+    alike, found = without_differences(prepare(arm, loaded_runs))
+    assert {each.run: each.kind for each in found} == dict.fromkeys(TOOLS, PAYLOAD)
+    for each in found:
+        assert each.mass is not None
+        assert each.mass.value == pytest.approx(TOOLS[each.run], rel=0.05)
+    assert without_differences(alike)[1] == ()
+    (said,) = in_words(found, arm.joint_names, arm.units())
+    assert said.startswith("run_2 carries ")
+    assert ", run_6 " in said
+
+
+def test_tools_of_known_masses_tell_the_gains_together(arm, loaded_runs):
+    alike, found = without_differences(prepare(arm, loaded_runs), TOOLS)
+    assert {each.run for each in found} == set(TOOLS)
+    for each in found:
+        assert each.gains is not None
+        np.testing.assert_allclose(each.gains, 0.0, atol=0.01)
+    assert without_differences(alike)[1] == ()
+    (said,) = in_words(found, arm.joint_names, arm.units())
+    assert said.startswith("By the 1 kg that run_2 carries and the 2 kg that run_3 carries and ")
+
+
 @pytest.mark.parametrize("stated", ["run_9=2", "run_1", "run_1=heavy", "run_1=-2"])
 def test_a_payload_that_is_stated_badly_is_refused(arm, tmp_path, stated):
     with pytest.raises(InputError, match="--payload"):

@@ -12,7 +12,6 @@ from diagnosis.model.effect_sizes import (
     is_beyond_healthy,
     is_excessive,
     is_plausible,
-    moves_little,
     quantities,
     times_healthy,
 )
@@ -124,17 +123,6 @@ def test_friction_that_differs_by_direction_is_little_where_all_friction_is(tmp_
     difference = scale_of("viscous", arm, 0) / 10
     torque = np.full(arm.joints, difference * speed / moved)
     assert is_beyond_healthy(arm, torque, own, np.array([0.0, difference])) == expected
-
-
-@pytest.mark.parametrize(("moved", "expected"), [(0.007, True), (0.01, False)])
-def test_friction_by_load_is_little_where_the_load_is(tmp_path, moved, expected):
-    arm = small_arm(tmp_path)
-    prepared, own = _first_of(arm, "load_dependent_friction", 0)
-    load = np.sqrt(np.mean(prepared.runs[0].logged.load[:, 0] ** 2))
-    # More than any healthy gear loses of its load, of a joint that spends its torque otherwise.
-    torque = np.full(arm.joints, 0.1 * load / moved)
-    assert moves_little(torque, own, np.array([0.1])) == expected
-    assert is_beyond_healthy(arm, torque, own, np.array([0.1]))
 
 
 @pytest.mark.parametrize(

@@ -6,24 +6,26 @@ from pathlib import Path
 
 from identification.errors import InputError
 from identification.filtering import require_cutoff
+from identification.models import Preprocessing
 from identification.observations import POSITION_BAND
+from identification.parameters import GROUPS
 from identification.physical_consistency import consistent_standard_parameters
 from identification.pipeline import IdentificationOptions, identify
 from recordings.checks import require_sound
 
-from .closed_loop import recorded_loops
-from .estimate_file import write_estimate
-from .files import require_writable
-from .log import Recording
-from .lost_samples import lost_samples, mended
-from .model_file import write_model
-from .model_reading.reading import Choice
-from .report import write_report
-from .results import IdentificationResult
-from .robot import Robot, load_robot, print_notes
-from .runs import by_path, read_runs, run_names
-from .sampling import motion
-from .summary import print_summary
+from ..closed_loop import recorded_loops
+from ..estimate_file import write_estimate
+from ..files import require_writable
+from ..log import Recording
+from ..lost_samples import lost_samples, mended
+from ..model_file import write_model
+from ..model_reading.reading import Choice
+from ..report import write_report
+from ..results import IdentificationResult
+from ..robot import Robot, load_robot, print_notes
+from ..runs import by_path, read_runs, run_names
+from ..sampling import motion
+from ..summary import print_summary
 
 
 def identify_logs(
@@ -49,33 +51,73 @@ def identify_logs(
         require_writable(identified_model, model, *paths)
     robot = load_robot(model, choice, joint_names)
     print_notes(robot)
-    runs = read_runs(paths, robot, map_path)
-    findings = require_sound(robot, dict(zip(run_names(paths), runs, strict=True)), paths)
-    for path, recording in zip(paths, runs, strict=True):
-        _require_long_enough(path, recording, options)
-    try:
-        result = identify_recordings(
-            robot,
-            dict(zip(run_names(logs), runs[: len(logs)], strict=True)),
-            dict(zip(run_names(validation_logs), runs[len(logs) :], strict=True)),
-            options,
-        )
-    except InputError as error:
-        # What simulates the runs, or stacks them, does not know their files.
-        raise by_path(error, logs) from None
-    result = replace(result, log_findings=findings)
-    write_estimate(result, out / "estimate.json")
-    write_report(result, out / "report.html")
+    runs = list(zip(run_names(paths), read_runs(paths, robot, map_path), strict=True))
+    result = identify_runs(robot, dict(runs[: len(logs)]), dict(runs[len(logs) :]), options, paths)
+    write_results(result, out)
     if identified_model is not None:
-        found = result.estimate
-        standard = found.standard
-        if standard is None:
-            standard = consistent_standard_parameters(
-                found.base, found.values, found.covariance, robot.parameters
-            )
-        write_model(robot, standard, identified_model)
+        write_identified_model(result, identified_model)
     print_summary(result)
     return result
+
+
+def options_of(
+    estimator: str = "wls",
+    model: str = "inverse_dynamic",
+    differentiation: str = "rloess",
+    parameters: Sequence[str] | None = None,
+    cutoff: float = 20.0,
+    dead_zone: float = 0.02,
+    strict: bool = False,
+) -> IdentificationOptions:
+    """What is identified and how; each joint's cut-off is lowered to what its encoder's noise leaves.
+
+    model: the equations. parameters: groups, all when None. cutoff: Hz. dead_zone: rad/s. strict: as of
+    IdentificationOptions. Raises InputError.
+    """
+    groups = tuple(GROUPS) if parameters is None else tuple(parameters)
+    preprocessing = Preprocessing(cutoff, differentiation, dead_zone, model)
+    return IdentificationOptions(estimator, groups, preprocessing, strict, own_bands=True)
+
+
+def identify_runs(
+    robot: Robot,
+    fitted: dict[str, Recording],
+    validated: dict[str, Recording],
+    options: IdentificationOptions,
+    paths: Sequence[Path],
+) -> IdentificationResult:
+    """Check the runs, identify those fitted, predict the others.
+
+    fitted, validated: by name, no name in both. paths: their files, in that order, which errors name.
+    Raises InputError.
+    """
+    runs = fitted | validated
+    findings = require_sound(robot, runs, paths)
+    for path, recording in zip(paths, runs.values(), strict=True):
+        _require_long_enough(path, recording, options)
+    try:
+        result = identify_recordings(robot, fitted, validated, options)
+    except InputError as error:
+        # What simulates the runs, or stacks them, does not know their files.
+        raise by_path(error, paths[: len(fitted)]) from None
+    return replace(result, log_findings=findings)
+
+
+def write_results(result: IdentificationResult, out: Path) -> None:
+    """Write DIR/estimate.json and DIR/report.html."""
+    write_estimate(result, out / "estimate.json")
+    write_report(result, out / "report.html")
+
+
+def write_identified_model(result: IdentificationResult, path: Path) -> None:
+    """Write an MJCF with the nearest parameters of a robot that can exist. Raises InputError."""
+    found = result.estimate
+    standard = found.standard
+    if standard is None:
+        standard = consistent_standard_parameters(
+            found.base, found.values, found.covariance, result.robot.parameters
+        )
+    write_model(result.robot, standard, path)
 
 
 def identify_recordings(

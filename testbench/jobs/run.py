@@ -16,24 +16,22 @@ from identification.models import Preprocessing, identification_models
 from identification.parameters import GROUPS
 from identification.pipeline import IdentificationOptions
 
-from .background import background
-from .comparison import compare_with_truth
-from .containment.folder import results_folder
-from .effects import injection
-from .estimate_file import write_estimate
-from .excitation_file import excitation_document, write_excitation
-from .excite import DesignRoom, design, design_room, print_peaks
-from .files import require_writable
-from .identify import identify_recordings
-from .log import Recording, write_log
-from .model_error import ModelError, nominal_model
-from .progress import Step, steps
-from .recording import write_session
-from .report import write_report
-from .results import IdentificationResult
-from .robot import Robot, load_robot, print_notes
-from .scenario import WRITTEN, Scenario, load_scenario
-from .simulation import (
+from ..background import background
+from ..comparison import compare_with_truth
+from ..containment.folder import results_folder
+from ..effects import injection
+from ..estimate_file import write_estimate
+from ..excitation_file import excitation_document, write_excitation
+from ..files import require_writable
+from ..log import Recording, write_log
+from ..model_error import ModelError, nominal_model
+from ..progress import Step, steps
+from ..recording import write_session
+from ..report import write_report
+from ..results import IdentificationResult
+from ..robot import Robot, load_robot, print_notes
+from ..scenario import WRITTEN, Scenario, load_scenario
+from ..simulation import (
     ControllerOptions,
     SensorOptions,
     SimulationOptions,
@@ -42,7 +40,9 @@ from .simulation import (
     simulate,
     tracking,
 )
-from .summary import print_summary
+from ..summary import print_summary
+from .excite import DesignRoom, design, design_room, print_peaks
+from .identify import identify_recordings
 
 # Streams drawn from a scenario's seed.
 STREAMS = 5

@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept when neither the program's folder nor the user's may be written to."""
+"""numba, with a folder to keep compiled kernels in where neither the program's nor the user's is writable."""
 
 import os
 import stat
@@ -6,17 +6,22 @@ import sys
 import tempfile
 from pathlib import Path
 
-VARIABLE = "NUMBA_CACHE_DIR"
+import numba
+from numba import njit
+
+__all__ = ["njit"]
 
 
-def keep_kernels() -> None:
+def _keep_kernels() -> None:
     """Set numba's cache to a folder for temporary files where it would find no other, and would fail."""
-    if VARIABLE in os.environ:
+    if numba.config.CACHE_DIR:
         return
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path(os.environ.get("HOME", "/")) / ".cache")
     if sys.platform in ("win32", "darwin") or any(map(_takes_files, (Path(__file__).parent, home))):
         return
-    os.environ[VARIABLE] = str(_own_folder(Path(tempfile.gettempdir()) / f"testbench-kernels-{os.getuid()}"))
+    numba.config.CACHE_DIR = str(
+        _own_folder(Path(tempfile.gettempdir()) / f"testbench-kernels-{os.getuid()}")
+    )
 
 
 def _takes_files(folder: Path) -> bool:
@@ -39,3 +44,7 @@ def _own_folder(folder: Path) -> Path:
     except OSError:
         pass
     return Path(tempfile.mkdtemp(prefix="testbench-kernels-"))
+
+
+# numba looks for the folder when a kernel is declared.
+_keep_kernels()

@@ -13,15 +13,15 @@ from identification.excitation.excitation import Excitation
 from identification.excitation.limits import JointLimits, require_usable, share_of
 from identification.excitation.random_motion import CONFIGURATIONS, resting_centres
 
-from .clearance import RobotClearance, clearance_of
-from .design_limits import design_limits
-from .excitation_file import write_excitation
-from .files import require_writable
-from .model_reading.limits import Limits
-from .model_reading.reading import Choice
-from .progress import Step, steps
-from .robot import Robot, load_robot, print_notes
-from .terminal import console
+from ..clearance import RobotClearance, clearance_of
+from ..design_limits import design_limits
+from ..excitation_file import write_excitation
+from ..files import require_writable
+from ..model_reading.limits import Limits
+from ..model_reading.reading import Choice
+from ..progress import Step, steps
+from ..robot import Robot, load_robot, print_notes
+from ..terminal import console
 
 # Collision geoms are snug: what lies between them and the exterior, and the tracking error.
 CLEARANCE = 0.03
@@ -29,6 +29,7 @@ CLEARANCE = 0.03
 SMALLEST_CLEARANCE = 2e-3
 # Share of random configurations: where fewer are clear, the robot is wedged in and has no room to move.
 ROOM = 0.01
+PEAK_HEADINGS = ("joint", "speed", "limit", "acceleration", "limit", "torque", "limit", "unit")
 
 
 @dataclass(frozen=True)
@@ -96,13 +97,28 @@ def excite_model(
     require_writable(out, model)
     robot = load_robot(model, choice)
     print_notes(robot)
-    room = design_room(robot, options.limit_share, velocity_limit, clearance)
-    with steps() as progress, progress.step("design") as step:
-        excitation = design(robot, room, criterion, options, jobs, step)
+    excitation, room = designed(robot, criterion, options, jobs, velocity_limit, clearance)
     write_excitation(excitation, out)
     _print(excitation)
     print_peaks(robot, excitation, room)
     return excitation
+
+
+def designed(
+    robot: Robot,
+    criterion: str,
+    options: DesignOptions,
+    jobs: int | None = None,
+    velocity_limit: float | None = None,
+    clearance: float | None = None,
+) -> tuple[Excitation, DesignRoom]:
+    """The best motion found, and the limits and the clearance that it keeps, as of ``design_room``.
+
+    jobs: threads. Raises InputError.
+    """
+    room = design_room(robot, options.limit_share, velocity_limit, clearance)
+    with steps() as progress, progress.step("design") as step:
+        return design(robot, room, criterion, options, jobs, step), room
 
 
 def design(
@@ -129,22 +145,28 @@ def print_peaks(robot: Robot, excitation: Excitation, room: DesignRoom) -> None:
     terminal = console()
     for note in room.notes:
         terminal.print(Text(note), soft_wrap=True)
-    peaks, limits = excitation.margins.peaks, room.limits
     table = Table(box=None, pad_edge=False)
-    table.add_column("joint")
-    for name in ("speed", "limit", "acceleration", "limit", "torque", "limit"):
-        table.add_column(name, justify="right")
-    table.add_column("unit")
+    for name in PEAK_HEADINGS:
+        table.add_column(name, justify="left" if name in ("joint", "unit") else "right")
+    for row in peak_rows(robot, excitation, room):
+        table.add_row(*map(Text, row))
+    terminal.print(table)
+
+
+def peak_rows(robot: Robot, excitation: Excitation, room: DesignRoom) -> list[tuple[str, ...]]:
+    """Each joint's peaks beside their limits, under PEAK_HEADINGS."""
+    peaks, limits = excitation.margins.peaks, room.limits
     pairs = (
         (peaks.velocity, limits.velocity),
         (peaks.acceleration, limits.acceleration),
         (peaks.torque, limits.torque),
     )
+    rows = []
     for joint, name in enumerate(robot.joint_names):
         length, force = ("m", "N") if robot.chain.is_slide[joint] else ("rad", "N·m")
         cells = [_figure(float(values[joint])) for pair in pairs for values in pair]
-        table.add_row(Text(name), *cells, f"{length}/s, {length}/s², {force}")
-    terminal.print(table)
+        rows.append((name, *cells, f"{length}/s, {length}/s², {force}"))
+    return rows
 
 
 def _figure(value: float) -> str:

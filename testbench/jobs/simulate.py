@@ -8,17 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InputError
+from identification.excitation.trajectory import Trajectory
 from identification.inverse_dynamics import inverse_dynamics
 
-from .effects import parse_injection
-from .excitation_file import read_trajectory
-from .files import require_writable
-from .log import Recording, write_log
-from .model_reading.reading import Choice
-from .progress import steps
-from .robot import Robot, load_robot, print_notes
-from .simulation import (
+from ..effects import parse_injection
+from ..excitation_file import read_trajectory
+from ..files import require_writable
+from ..log import Recording, write_log
+from ..model_reading.reading import Choice
+from ..progress import steps
+from ..robot import Robot, load_robot, print_notes
+from ..simulation import (
+    ControllerOptions,
     Reference,
+    SensorOptions,
     SimulationOptions,
     controller_gains,
     held_up,
@@ -49,17 +52,72 @@ def simulate_model(
 ) -> Recording:
     """Drive a model along a trajectory file, write the robot-log to ``out`` and say so. Raises InputError.
 
-    effects: as ``NAME[:joint[:key=value,...]]``, beside those of ``options``. choice: of the model; the
-    trajectory's joints are the robot's where it names none. noisy: that of ``torque_noise``, in place of that
-    of ``options``. A loop that ran away leaves no file.
+    choice: of the model; the trajectory's joints are the robot's where it names none. Everything else as of
+    ``simulate_along``. A loop that ran away leaves no file.
     """
     require_writable(out, model, trajectory)
-    joint_names, motion = read_trajectory(trajectory)
+    joint_names, _ = read_trajectory(trajectory)
     robot = load_robot(model, choice, joint_names)
     print_notes(robot)
+    motion = motion_for(robot, trajectory)
+    recording, lines = simulate_along(robot, motion, trajectory, periods, options, effects, seed, jobs, noisy)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_log(recording, out)
+    joints, rate = len(recording.joint_names), recording.sample_rate
+    print(f"{out}: {len(recording.time) / rate:.3g} s of {joints} joints at {rate:g} Hz")
+    for line in lines:
+        print(line)
+    return recording
+
+
+def motion_for(robot: Robot, path: Path) -> Trajectory:
+    """The motion of a trajectory file. Raises InputError where it is not of the robot's joints."""
+    joint_names, motion = read_trajectory(path)
     if joint_names != robot.joint_names:
         expected = f"the model's joints {', '.join(robot.joint_names)}"
-        raise InputError(trajectory, "joint_names", expected, ", ".join(joint_names))
+        raise InputError(path, "joint_names", expected, ", ".join(joint_names))
+    return motion
+
+
+def options_of(
+    controller: str = "pd_with_model_feedforward",
+    bandwidth: float = 6.0,
+    encoder_bits: int = 17,
+    torque_noise: float | None = None,
+) -> SimulationOptions:
+    """How a run is simulated.
+
+    controller: pd, pd_with_model_feedforward or model. bandwidth: Hz, of the position loop. encoder_bits:
+    2**bits counts a turn, 0 for an exact encoder. torque_noise: share of the limit, or None.
+    """
+    return SimulationOptions(
+        controller=ControllerOptions(kind=controller, bandwidth=bandwidth),
+        sensors=SensorOptions(
+            encoder_bits=encoder_bits,
+            slide_resolution=1e-6 if encoder_bits else 0.0,
+            torque_noise=0.0 if torque_noise is None else torque_noise,
+        ),
+        physics_timestep=2e-4,
+    )
+
+
+def simulate_along(
+    robot: Robot,
+    motion: Trajectory,
+    source: Path,
+    periods: int,
+    options: SimulationOptions,
+    effects: Sequence[str],
+    seed: int,
+    jobs: int | None,
+    noisy: bool,
+) -> tuple[Recording, tuple[str, ...]]:
+    """The log of a robot driven along a motion, and lines on its loop and its noise.
+
+    source: the motion's file, which errors name. effects: as ``NAME[:joint[:key=value,...]]``, beside those
+    of ``options``. noisy: with the noise of ``torque_noise``, in place of that of ``options``. Raises
+    InputError, for a loop that ran away too.
+    """
     injections = tuple(parse_injection(robot, text) for text in effects)
     options = dataclasses.replace(options, effects=options.effects + injections)
     options, faster = held_up(options, robot)
@@ -73,21 +131,11 @@ def simulate_model(
     with steps() as progress, progress.step("simulate"):
         (recording,) = simulate(robot, [reference], options, seed=seed, threads=jobs)
     followed = tracking(recording, robot.limits.torque)
-    followed.require_followed(trajectory)
-    told = {"trajectory": trajectory.name}
+    followed.require_followed(source)
+    told = {"trajectory": source.name}
     recording = dataclasses.replace(recording, provenance=recording.provenance | told)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    write_log(recording, out)
-    joints, rate = len(recording.joint_names), recording.sample_rate
-    print(f"{out}: {len(recording.time) / rate:.3g} s of {joints} joints at {rate:g} Hz")
-    gains = controller_gains(options, robot)
-    for line in (
-        *notes,
-        *gains.reduced(options.controller.bandwidth, robot.joint_names),
-        *followed.warnings(),
-    ):
-        print(line)
-    return recording
+    slower = controller_gains(options, robot).reduced(options.controller.bandwidth, robot.joint_names)
+    return recording, (*notes, *slower, *followed.warnings())
 
 
 def torque_noise(robot: Robot, reference: Reference) -> tuple[Array, str]:

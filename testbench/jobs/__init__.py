@@ -1,0 +1,1 @@
+"""The jobs behind the commands and the public functions."""
