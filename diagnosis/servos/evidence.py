@@ -24,6 +24,8 @@ IN_ORDER, FAULT, OTHER = 0.5, 0.4, 0.1
 # Something unknown leaves this share of a joint's position error, for so many unknowns: an effect there that
 # explains less of it is no explanation.
 OTHER_LEAVES, OTHER_UNKNOWNS = 0.7, 6
+# Of an effect's largest size: beyond, it is held by that bound.
+INSIDE = 0.99
 # Relative deviation of a size that only a grid was searched for.
 OF_GRID = 0.03
 
@@ -81,7 +83,8 @@ def weigh(base: Fitted, candidates: Sequence[Fitted], sizes: Sizes, places: int)
         sides = 1.0 if effect.two_sided else 2.0
         normal = np.log(sides / np.sqrt(2 * np.pi) / effect.healthy) - 0.5 * (size / effect.healthy) ** 2
         in_order = max(in_order, shared + normal)
-        inside = effect.smallest <= size <= effect.largest
+        # A size at its bound is not the likeliest one.
+        inside = effect.smallest <= size < INSIDE * effect.largest
         log_uniform = -np.log(size * np.log(effect.largest / effect.smallest)) if inside else -np.inf
         logs.append(shared + log_uniform - (np.log(2) if effect.two_sided else 0.0))
     left = _variance(base.fit, floor) * OTHER_LEAVES**2 + floor + sizes.noise**2

@@ -20,12 +20,17 @@ DISCREPANCY = 0.005
 
 @dataclass(frozen=True)
 class Sizes:
-    """Of each joint of a limb, (n,): ``scales`` by what they are; position noise, rad, by its quantum; the
-    position error that no law follows, rad."""
+    """Of each joint of a limb, (n,): ``scales`` by what they are; position noise, by its quantum, and RMS of
+    command less position, rad."""
 
     scales: dict[Scale, Array]
     noise: Array
-    discrepancy: Array
+    tracking: Array
+
+    @property
+    def discrepancy(self) -> Array:
+        """The part of the position error (n,) rad that no law follows."""
+        return np.asarray(DISCREPANCY * self.tracking)
 
 
 def sizes_of(runs: Sequence[ServoRun], known: Knowledge, limit: Array) -> Sizes:
@@ -54,7 +59,7 @@ def sizes_of(runs: Sequence[ServoRun], known: Knowledge, limit: Array) -> Sizes:
         Scale.INERTIA: known.inertia,
         Scale.PER_TOTAL: full / (total + LEAST),
     }
-    return Sizes(scales, noise_of(runs), DISCREPANCY * np.sqrt(errors))
+    return Sizes(scales, noise_of(runs), np.sqrt(errors))
 
 
 def noise_of(runs: Sequence[ServoRun]) -> Array:
