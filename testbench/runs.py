@@ -13,6 +13,7 @@ from recordings.joints import joints_of
 
 from .degrees import in_radians
 from .drive import SIGNALS
+from .drives.signal_torque import torque_of_signal
 from .log import Recording, check_joints, in_model_order
 from .robot import Limits, Robot
 
@@ -92,19 +93,20 @@ def read_motion(path: Path, chain: Chain, limits: Limits, map_path: Path | None 
 
 
 def _with_torque(recording: Recording, path: Path) -> tuple[Recording, list[str]]:
-    """The recording with torque, of its current where none was measured, and a line that says so.
+    """The recording with torque, of its drives' signal where none was measured, and a line that says so.
 
     Raises InputError, saying what is missing, where there is neither.
     """
     if recording.has_torque:
         return recording, []
-    drive, current = recording.drive, recording.current
-    per_unit = None if drive is None or drive.kind != "current" else drive.torque_per_unit
-    is_signed = current is not None and "current" not in recording.unsigned
-    if current is not None and is_signed and per_unit is not None and np.isfinite(per_unit).all():
-        line = f"{path}: no torque was measured: it is the current times the drive's torque_per_unit"
-        return replace(recording, torque=current * per_unit), [line]
-    expected = "measured torque, or a signed current with its torque constant (torque_constant in a map)"
+    found = torque_of_signal(recording, path)
+    if found is not None:
+        torque, line = found
+        return replace(recording, torque=torque), [line]
+    expected = (
+        "measured torque, or a signed current, duty or voltage with its constant (torque_constant or the "
+        "drive's torque_per_unit in a map)"
+    )
     raise InputError(path, "joint/torque", expected, _instead(recording))
 
 

@@ -31,6 +31,10 @@ CONFUSABLE, LISTED = 0.03, 0.01
 AS_GOOD = 1.1
 # Effects with which left-out halves are missed by more than this times are not stated.
 WORSE = 1.02
+# Position errors that are less than this times the noise say nothing of the servo.
+ABOVE_NOISE = 2.0
+# Of the squared error above that, what an effect leaves at most.
+HALF = 0.5
 # Of a joint's RMS speed: slower is near rest, faster is fast.
 NEAR_REST, FAST = 0.2, 1.5
 # A regime is said where the squared error is so many times as dense there.
@@ -70,7 +74,8 @@ def diagnose_servos(
     identified = given.copy()
     for each in found:
         identified[each.limb.joints] = consistent(each.final.table)
-    drives = IdentifiedDrives(robot, servo, given, identified, parts, tuple(each.final for each in found))
+    fits = tuple(each.final for each in found)
+    drives = IdentifiedDrives(robot, servo, given, identified, parts, fits, fits)
     errors = np.zeros((4, robot.joints))
     for each in found:
         errors[:, each.limb.joints] = [*each.errors, each.sizes.noise]
@@ -119,14 +124,41 @@ def _of_limb(
     final = rounds[-1].base.fit
     hypotheses = [base, final] if stated else [base]
     errors = held_out_errors(limb, table, hypotheses, own, threads)
-    notes = []
-    if stated and not _is_no_worse(errors[2], errors[1], sizes):
-        names = " and ".join(_in_words(each, limb) for each in stated)
-        notes.append(f"{names}: not stated, since halves that were not fitted are predicted worse with it.")
-        stated, final = [], base
-        errors[2] = errors[1]
+    stated, kept, notes = _judged(limb, stated, errors, sizes)
+    if not kept:
+        final, errors[-1] = base, errors[1]
     three = errors[0], errors[1], errors[-1]
     return _OfLimb(limb, base, final, tuple(rounds), tuple(stated), three, sizes, tuple(notes))
+
+
+def _judged(
+    limb: Limb, accepted: list[Weighed], errors: Sequence[Array], sizes: Sizes
+) -> tuple[list[Weighed], bool, list[str]]:
+    """The effects that are stated, whether the fit with them is kept, and why not.
+
+    errors: (n,) each, by the model as given, re-identified, and with the effects where there are any.
+    """
+    if np.any(missed := errors[-1] > np.maximum(sizes.tracking, ABOVE_NOISE * sizes.noise)):
+        names = ", ".join(np.array(limb.chain.joint_names)[missed])
+        note = (
+            f"At {names} the simulated loop misses the position by more than the command itself does: the "
+            "stated servo is not what moved it, and nothing is stated of this limb."
+        )
+        return [], False, [note]
+    if accepted and not _is_no_worse(errors[-1], errors[1], sizes):
+        names = " and ".join(_in_words(each, limb) for each in accepted)
+        return (
+            [],
+            False,
+            [f"{names}: not stated, since halves that were not fitted are predicted worse with it."],
+        )
+    little = [each for each in accepted if not _explains(each, errors[1], errors[-1], sizes.noise)]
+    names = " and ".join(_in_words(each, limb) for each in little)
+    note = (
+        f"{names}: in the corrected model, but not stated, since less than half of the squared error of "
+        "halves that were not fitted goes with it."
+    )
+    return [each for each in accepted if each not in little], True, [note] if little else []
 
 
 def _is_no_worse(effects: Array, parameters: Array, sizes: Sizes) -> bool:
@@ -136,6 +168,15 @@ def _is_no_worse(effects: Array, parameters: Array, sizes: Sizes) -> bool:
     """
     scale = np.maximum(parameters, sizes.noise) + 1e-12
     return bool(np.mean((effects / scale) ** 2) <= WORSE**2 * np.mean((parameters / scale) ** 2))
+
+
+def _explains(each: Weighed, parameters: Array, effects: Array, noise: Array) -> bool:
+    """Whether half of the squared error goes with an effect, or next to none is left before."""
+    place = each.fitted.place
+    assert place is not None
+    own = np.arange(len(noise)) if place.joint is None else np.array([place.joint])
+    before, after, floor = (float(np.sum(part[own] ** 2)) for part in (parameters, effects, noise))
+    return before <= ABOVE_NOISE**2 * floor or after - floor <= HALF * (before - floor)
 
 
 def _in_words(each: Weighed, limb: Limb) -> str:
@@ -148,7 +189,8 @@ def _in_words(each: Weighed, limb: Limb) -> str:
 def _faults(found: _OfLimb) -> list[ServoFault]:
     """The effects that are stated at a limb."""
     names, out = found.limb.chain.joint_names, []
-    for each, of_round in zip(found.stated, found.rounds, strict=False):
+    for each in found.stated:
+        of_round = next(one for one in found.rounds if each in one.verdicts.faults)
         place = each.fitted.place
         assert place is not None
         own = np.arange(len(names)) if place.joint is None else np.array([place.joint])
@@ -191,16 +233,16 @@ def _parameters(found: _OfLimb, each: Weighed, joint: int) -> dict[str, Quantity
 def _candidates(found: _OfLimb) -> list[ServoCandidate]:
     names, out = found.limb.chain.joint_names, []
     stated = {id(each) for each in found.stated}
-    for index, of_round in enumerate(found.rounds):
+    for of_round in found.rounds:
         for each in of_round.verdicts.faults:
             place = each.fitted.place
             if place is None or id(each) in stated:
                 continue
             joint = None if place.joint is None else names[place.joint]
-            reason = "" if index == 0 else "beside what is stated"
+            reason = "in the corrected model, but not stated: see the notes"
             if each.probability < LISTED:
                 reason = "explains the runs less well"
-            elif index == len(found.rounds) - 1:
+            elif each.probability < ACCEPTED:
                 reason = f"likelier than not only from {ACCEPTED:.0%}: these runs do not decide"
             out.append(ServoCandidate(place.effect.name, joint, each.probability, each.log_factor, reason))
     return out

@@ -21,8 +21,11 @@ Array = NDArray[np.float64]
 
 # Probabilities before the runs are looked at: a limb in order, a fault of the catalogue, another one.
 IN_ORDER, FAULT, OTHER = 0.5, 0.4, 0.1
-# What no effect explains leaves this share of the position error, for so many unknowns a joint.
-OTHER_LEAVES, OTHER_UNKNOWNS = 0.35, 6
+# Something unknown leaves this share of a joint's position error, for so many unknowns: an effect there that
+# explains less of it is no explanation.
+OTHER_LEAVES, OTHER_UNKNOWNS = 0.7, 6
+# Of an effect's largest size: beyond, it is held by that bound.
+INSIDE = 0.99
 # Relative deviation of a size that only a grid was searched for.
 OF_GRID = 0.03
 
@@ -80,12 +83,17 @@ def weigh(base: Fitted, candidates: Sequence[Fitted], sizes: Sizes, places: int)
         sides = 1.0 if effect.two_sided else 2.0
         normal = np.log(sides / np.sqrt(2 * np.pi) / effect.healthy) - 0.5 * (size / effect.healthy) ** 2
         in_order = max(in_order, shared + normal)
-        inside = effect.smallest <= size <= effect.largest
+        # A size at its bound is not the likeliest one.
+        inside = effect.smallest <= size < INSIDE * effect.largest
         log_uniform = -np.log(size * np.log(effect.largest / effect.smallest)) if inside else -np.inf
         logs.append(shared + log_uniform - (np.log(2) if effect.two_sided else 0.0))
     left = _variance(base.fit, floor) * OTHER_LEAVES**2 + floor + sizes.noise**2
-    other = own + 0.5 * float(effective @ np.log(_variance(base.fit, floor) / left))
-    other -= 0.5 * OTHER_UNKNOWNS * float(np.sum(np.log(np.maximum(effective, 1.0))))
+    gains = 0.5 * effective * np.log(_variance(base.fit, floor) / left)
+    gains -= 0.5 * OTHER_UNKNOWNS * np.log(np.maximum(effective, 1.0))
+    # Where the likeliest effect acts: that another joint has something unknown does not speak against it.
+    likeliest = candidates[int(np.argmax(logs))].place if candidates else None
+    there = None if likeliest is None else likeliest.joint
+    other = own + float(np.max(gains) if there is None else gains[there])
     terms = np.array([in_order + np.log(IN_ORDER), other + np.log(OTHER)])
     terms = np.append(terms, np.array(logs) + np.log(FAULT / places))
     odds = np.exp(terms - terms.max())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.output_error.servo_run import ServoRun
+from identification.output_error.servo_run import SMOOTHING, SMOOTHING_SHARE, ServoRun
 from identification.output_error.unknowns import Knowledge
 from testbench.drives.effects.base import Scale
 
@@ -16,16 +16,23 @@ Array = NDArray[np.float64]
 LEAST = 1e-9
 # Share of the position error of the loop that no law of a drive follows.
 DISCREPANCY = 0.005
+# Of a run, the part at either end that a low-pass distorts: one so many-th.
+EDGE = 20
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Of each joint of a limb, (n,): ``scales`` by what they are; position noise, rad, by its quantum; the
-    position error that no law follows, rad."""
+    """Of each joint of a limb, (n,): ``scales`` by what they are; position noise, and RMS of
+    command less position, rad."""
 
     scales: dict[Scale, Array]
     noise: Array
-    discrepancy: Array
+    tracking: Array
+
+    @property
+    def discrepancy(self) -> Array:
+        """The part of the position error (n,) rad that no law follows."""
+        return np.asarray(DISCREPANCY * self.tracking)
 
 
 def sizes_of(runs: Sequence[ServoRun], known: Knowledge, limit: Array) -> Sizes:
@@ -54,11 +61,17 @@ def sizes_of(runs: Sequence[ServoRun], known: Knowledge, limit: Array) -> Sizes:
         Scale.INERTIA: known.inertia,
         Scale.PER_TOTAL: full / (total + LEAST),
     }
-    return Sizes(scales, noise_of(runs), DISCREPANCY * np.sqrt(errors))
+    return Sizes(scales, noise_of(runs), np.sqrt(errors))
 
 
 def noise_of(runs: Sequence[ServoRun]) -> Array:
-    """RMS (n,) rad that the positions' quanta leave; 0 where values hardly repeat, as of a simulation."""
-    steps = np.abs(np.diff(np.concatenate([run.position for run in runs]), axis=0))
-    quanta = np.array([np.min(own[own > 0], initial=np.inf) for own in steps.T])
-    return np.where(np.isfinite(quanta), quanta, 0.0) / np.sqrt(12)
+    """RMS (n,) rad of the positions' noise, by what is above the band that they are smoothed to."""
+    squares, samples = np.zeros(runs[0].position.shape[1]), 0.0
+    for run in runs:
+        cut = len(run.position) // EDGE
+        above = (run.position - run.smoothed[0])[cut : len(run.position) - cut]
+        # White noise is in the whole band alike.
+        share = 1 - 2 * min(SMOOTHING, SMOOTHING_SHARE * run.rate) / run.rate
+        squares += np.sum(above**2, axis=0) / share
+        samples += len(above)
+    return np.asarray(np.sqrt(squares / samples))

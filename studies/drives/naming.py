@@ -136,10 +136,11 @@ def main(folder: Path, seeds: int = 1, first: int = 1000, jobs: int | None = Non
     models = {kind.name: kind.written(folder) for kind in KINDS}
     cases = {
         f"{kind.name}_{rate:g}_{fault}_{seed}": (kind.name, rate, fault, seed)
-        for fault in (*FAULTS, "none")
-        for kind in KINDS
+        for seed in range(first, first + seeds * IN_ORDER)
         for rate in RATES
-        for seed in range(first, first + seeds * (IN_ORDER if fault == "none" else 1))
+        for kind in KINDS
+        for fault in (*FAULTS, "none")
+        if fault == "none" or seed < first + seeds
     }
     results = run_cases(partial(case, models), cases, folder, jobs)
     print(table(results))

@@ -88,6 +88,9 @@ def drives_document(
             }
             for each in found.alike
         ],
+        "tied": [
+            {"name": each.name, "joints": list(each.joints), "is_one": each.is_one} for each in found.tied
+        ],
         "differences": [
             {
                 "joint": each.joint,

@@ -27,6 +27,7 @@ from identification.parameters import (
 
 from ..robot import Robot
 from .effects.base import PREFIX
+from .shared import Tied, tied_fits
 from .stated import Servo
 
 Array = NDArray[np.float64]
@@ -74,7 +75,11 @@ class Alike:
 
 @dataclass(frozen=True)
 class IdentifiedDrives:
-    """robot, servo: as given. given, identified: tables (n, WIDTH) of plant.py. fits: one a limb."""
+    """robot, servo: as given. given, identified: tables (n, WIDTH) of plant.py. fits: one a limb.
+
+    separate: the fits before joints that are alike shared their figures. tied: figures that they share, and
+    those that differ.
+    """
 
     robot: Robot
     servo: Servo
@@ -82,13 +87,18 @@ class IdentifiedDrives:
     identified: Array
     limbs: tuple[Limb, ...]
     fits: tuple[Fit, ...]
+    separate: tuple[Fit, ...]
+    tied: tuple[Tied, ...] = ()
 
     @cached_property
     def figures(self) -> tuple[Figure, ...]:
         """Every joint's figures, by name and then by joint."""
+        return self._figures_of(self.fits)
+
+    def _figures_of(self, fits: Sequence[Fit]) -> tuple[Figure, ...]:
         found = [
             figure
-            for limb, own in zip(self.limbs, self.fits, strict=True)
+            for limb, own in zip(self.limbs, fits, strict=True)
             for figure in _figures(limb, own, self.servo)
         ]
         names = list(dict.fromkeys(figure.name for figure in found))
@@ -97,8 +107,8 @@ class IdentifiedDrives:
 
     @property
     def alike(self) -> tuple[Alike, ...]:
-        """Figures of limbs with as many joints, compared joint by joint."""
-        figures = {(figure.name, figure.joint): figure for figure in self.figures}
+        """Figures of limbs with as many joints, each limb fitted by itself, compared joint by joint."""
+        figures = {(figure.name, figure.joint): figure for figure in self._figures_of(self.separate)}
         out = []
         for length in dict.fromkeys(len(limb.joints) for limb in self.limbs):
             same = [limb for limb in self.limbs if len(limb.joints) == length]
@@ -128,8 +138,10 @@ def identify_drives(
         own = [run.of(limb.joints) for run in runs]
         unknown = unknowns(limb.chain, given[limb.joints], knowledge(robot, limb, servo, own, effects))
         fits.append(fit(limb.chain, unknown, own, regression_start(limb.chain, unknown, own)))
-        identified[limb.joints] = consistent(fits[-1].table)
-    return IdentifiedDrives(robot, servo, given, identified, parts, tuple(fits))
+    shared, tied = tied_fits(parts, given, servo.kp, fits, runs)
+    for limb, found in zip(parts, shared, strict=True):
+        identified[limb.joints] = consistent(found.table)
+    return IdentifiedDrives(robot, servo, given, identified, parts, shared, tuple(fits), tied)
 
 
 def knowledge(

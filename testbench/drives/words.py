@@ -12,6 +12,7 @@ from ..terminal import console
 from .differences import NAMES, Difference
 from .document import Errors
 from .identified import Alike, Figure, IdentifiedDrives
+from .shared import SPREAD
 
 # A figure of several limbs is one where they would differ by so much, by chance, in one case of twenty.
 DIFFERENT = 0.05
@@ -53,6 +54,13 @@ def remarks_on(found: IdentifiedDrives) -> tuple[str, ...]:
         left = [each.joint for each in figures if each.name == name and not each.is_determined]
         if left:
             out.append(f"The motion leaves the {text} of {_listed(left, found)} as wide as it was before.")
+    if found.tied:
+        apart = [f"{each.name} of {', '.join(each.joints)}" for each in found.tied if not each.is_one]
+        kept = f"; kept apart, since they differ by more: {'; '.join(apart)}" if apart else ""
+        out.append(
+            "Joints that the model has alike share armature, friction, gains and delay within "
+            f"{SPREAD:.0%}{kept}."
+        )
     systematic = [
         name
         for limb, own in zip(found.limbs, found.fits, strict=True)

@@ -10,7 +10,7 @@ import pytest
 
 from diagnosis.servos.diagnose import diagnose_servos
 from diagnosis.servos.findings import ServoDiagnosis
-from identification.output_error.plant import DELAY, EXTRA, GAP, KP_SCALE, STRIBECK_VELOCITY, plant_table
+from identification.output_error.plant import DELAY, GAP, KP_SCALE, plant_table
 from identification.output_error.servo_loop import Window, simulate
 from identification.output_error.servo_run import ServoRun
 from identification.parameters import VISCOUS
@@ -30,7 +30,6 @@ LEG = KINDS[0]
 FAULTS = {
     "gain_error": {KP_SCALE: 1.25},
     "backlash": {GAP: np.radians(0.6)},
-    "stiction": {EXTRA: 0.25, STRIBECK_VELOCITY: 0.05},
 }
 
 
@@ -55,7 +54,7 @@ def log_of(model: Path, changes: dict[int, float], joint: int | slice = 1) -> Re
     plant = plant_table(parameters.ravel(), np.full(2, 0.001), robot.limits.torque)
     for column, value in changes.items():
         plant[joint, column] = value
-    return recorded(model, rate=RATE, duration=10.0, seed=2, plant=plant)
+    return recorded(model, rate=RATE, duration=6.0, seed=2, plant=plant)
 
 
 def diagnosed(model: Path, changes: dict[int, float], without: tuple[str, ...] = ()) -> ServoDiagnosis:
@@ -170,6 +169,6 @@ def test_options_for_torque_and_names_of_no_effect_are_refused(
     assert "--cutoff: expected logs with torque" in complaint(f"{base} --cutoff 20", capfd)
     assert "backlash" in complaint(f"{base} --without payload", capfd)
     bare = tmp_path / "bare.h5"
-    write_log(replace(log_of(model, {}), controller=None, torque=np.zeros((500, 2))), bare)
+    write_log(replace(log_of(model, {}), controller=None, torque=np.zeros((300, 2))), bare)
     command = f"diagnose --model {model} {bare} --out {tmp_path / 'out'} --drive position_servo"
     assert "--kp and --kd" in complaint(command, capfd)

@@ -103,8 +103,9 @@ def test_what_lacks_torque_is_said_and_what_would_do(place: Path, capfd: pytest.
     write_csv(run, place / "motion.csv", target_position=run.position + 0.01)
     line = complaint("identify --model arm.xml motion.csv --out d", capfd)
     assert line == (
-        "motion.csv: joint/torque: expected measured torque, or a signed current with its torque constant "
-        "(torque_constant in a map), got none, but reference positions\n"
+        "motion.csv: joint/torque: expected measured torque, or a signed current, duty or voltage with its "
+        "constant (torque_constant or the drive's torque_per_unit in a map), got none, but reference "
+        "positions\n"
     )
     with pytest.raises(SystemExit) as exit_:
         main(["import", "motion.csv", "--model", "arm.xml", "--out", "motion.h5"])
@@ -118,8 +119,11 @@ def test_what_lacks_torque_is_said_and_what_would_do(place: Path, capfd: pytest.
     assert log.controller is not None
     np.testing.assert_array_equal(log.controller.kp, [100, 100])
     capfd.readouterr()
-    line = complaint("diagnose --model arm.xml motion.h5 --out d", capfd)
-    assert "got none, but reference positions" in line
+    # No servo of these gains follows a command that is the motion itself, moved.
+    main(["diagnose", "--model", "arm.xml", "motion.h5", "--out", "d"])
+    assert "the stated servo is not what moved it" in " ".join(capfd.readouterr().out.split())
+    document = json.loads(Path("d", "diagnosis.json").read_text())
+    assert (document["verdict"], document["effects"]) == ("unknown", [])
 
 
 def test_a_signed_current_with_its_constant_is_torque(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
