@@ -168,7 +168,9 @@ class Logged:
         nothing moves.
         """
         change = np.empty((self.samples, self.joints))
-        each = np.ascontiguousarray(np.broadcast_to(displacement, (self.samples, 3)))
+        each = np.ascontiguousarray(displacement)
+        if len(each) < self.samples:
+            each = np.repeat(each, self.samples, axis=0)
         _combine(*self.load_derivatives(joint), each, change)
         return change
 
