@@ -6,12 +6,15 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from diagnosis.data.mended_log import FAST, MOST_LOGGED, SLOWEST
+from diagnosis.data.preparation import CUTOFF, MOST_KEPT, THINNEST, prepare
+from diagnosis.model.library import Sought
 from identification.base_parameters import base_parameters
 from identification.filtering import decimation_step
 from identification.inverse_dynamics import inverse_dynamics
@@ -25,6 +28,10 @@ from ._report import Goal, Report
 
 GIBIBYTES = 4.0
 COMMAND = "from testbench.cli import main; main()"
+# What a command imports, without any log.
+EMPTY = "import testbench.cli, diagnosis.job, diagnosis.report, testbench.identify"
+# s of a motion that shows which effects have columns.
+SHORT = 20.0
 # s between two looks at the processes' memory.
 PAUSE = 0.05
 # A sum of sines of each joint: Hz, and their speeds in rad/s.
@@ -56,31 +63,52 @@ CASES = (
 
 def measure() -> Report:
     rows, largest = [], 0.0
+    _, empty = watched([sys.executable, "-c", EMPTY])
     with tempfile.TemporaryDirectory() as name:
         for index, case in enumerate(CASES):
             folder = Path(name) / str(index)
             model, logs = made(case, folder)
             seconds, gibibytes = measured(case.command, model, logs, folder / "out")
             largest = max(largest, gibibytes)
-            equations = f"{_equations(load_robot(model), case):.2f}"
-            rows.append((case.what, case.command, f"{seconds:.0f}", f"{gibibytes:.2f}", equations))
+            equations = _equations(load_robot(model), case)
+            ratio = f"{(gibibytes - empty) / equations:.1f}"
+            figures = f"{seconds:.0f}", f"{gibibytes:.2f}", f"{equations:.2f}", ratio
+            rows.append((case.what, case.command, *figures))
             for log in logs:
                 log.unlink()
     return Report(
-        columns=("logs", "command", "s", "GiB", "equations, GiB"),
+        columns=("logs", "command", "s", "GiB", "equations, GiB", "ratio"),
         rows=tuple(rows),
         goals=(Goal("GiB of the largest", largest, GIBIBYTES, at_least=False),),
         notes=(
             "GiB: resident memory of the process and its children together, at its largest.",
-            "equations: the decimated regressor of the base parameters along all runs.",
+            "equations: the decimated regressor along all runs, for diagnose with the columns of effects.",
+            f"ratio: of all above the {empty:.2f} GiB that the program has without a log, to the equations.",
         ),
     )
 
 
 def _equations(robot: Robot, case: Case) -> float:
     """GiB of the equations that are fitted."""
-    instants = case.runs * case.seconds * case.rate / decimation_step(case.rate, Preprocessing().cutoff)
-    return instants * robot.joints * base_parameters(robot.chain, DEFAULT_GROUPS).count * 8 / 2**30
+    seconds = case.runs * case.seconds
+    if case.command == "identify":
+        instants = seconds * case.rate / decimation_step(case.rate, Preprocessing().cutoff)
+        return instants * robot.joints * base_parameters(robot.chain, DEFAULT_GROUPS).count * 8 / 2**30
+    short = _recording(robot, replace(case, seconds=SHORT), np.random.default_rng(0))
+    prepared, sought = prepare(robot, {"short": short}), Sought(())
+    sought.along(prepared)
+    effects = [each for run in (*sought.motions, *sought.catalogue) for each in run.filtered]
+    columns = sum(each[0].size for each in (*effects, *prepared.runs[0].rows))
+    return columns * _kept(case, robot.joints) * 8 / 2**30
+
+
+def _kept(case: Case, joints: int) -> float:
+    """Samples that a diagnosis keeps of all runs."""
+    seconds = case.runs * case.seconds
+    fast = np.clip(MOST_LOGGED / (seconds * joints), SLOWEST, FAST)
+    rate = case.rate / max(round(case.rate / fast), 1)
+    kept = seconds * rate / decimation_step(rate, CUTOFF)
+    return float(kept / np.clip(np.ceil(kept * joints / MOST_KEPT), 1, THINNEST))
 
 
 def made(case: Case, folder: Path) -> tuple[Path, list[Path]]:
@@ -133,7 +161,11 @@ def _ten_joints() -> str:
 
 def measured(command: str, model: Path, logs: list[Path], out: Path) -> tuple[float, float]:
     """Seconds of one command, and GiB of it and its children at the largest."""
-    line = [sys.executable, "-c", COMMAND, command, "--model", model, *logs, "--out", out]
+    return watched([sys.executable, "-c", COMMAND, command, "--model", model, *logs, "--out", out])
+
+
+def watched(line: Sequence[str | Path]) -> tuple[float, float]:
+    """Seconds of a process, and GiB of it and its children at the largest."""
     start = time.perf_counter()
     process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     most = [0.0]
@@ -143,7 +175,7 @@ def measured(command: str, model: Path, logs: list[Path], out: Path) -> tuple[fl
     seconds = time.perf_counter() - start
     watch.join()
     if process.returncode:
-        raise RuntimeError(f"{command} of {logs[0]} failed:\n{said.decode()}")
+        raise RuntimeError(f"{' '.join(map(str, line))} failed:\n{said.decode()}")
     return seconds, most[0] / 2**30
 
 

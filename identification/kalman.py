@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .chain import ChainArrays
 from .forward_dynamics import Motions, RobotArrays, accelerate, friction_direction, integrate, invert
 from .inverse_dynamics import _inverse_dynamics
-from .kinematics import kernel
+from .kinematics import copy_row, copy_rows, kernel
 from .parameters import COULOMB, PER_JOINT
 from .regressor import _regressor
 
@@ -96,8 +96,8 @@ def extended_kalman_filter(
                     mass,
                 ):
                     return False
-        before[:] = state
-        covariance_before[:] = covariance
+        copy_row(state, before)
+        copy_rows(covariance, covariance_before)
         for j in range(n):
             _correct(state, covariance, j, position[k, j], position_variance[j], size, gain, column)
         _parameters(constant, columns, scale, state[2 * n :], table, coulomb)
@@ -113,8 +113,8 @@ def extended_kalman_filter(
             positive = positive and mass[j, j] > pivots[j]
         if not positive:
             # A correction that no arm could have: the parameters sit it out, which Joseph's form allows.
-            state[:] = before
-            covariance[:] = covariance_before
+            copy_row(before, state)
+            copy_rows(covariance_before, covariance)
             for j in range(n):
                 _correct(state, covariance, j, position[k, j], position_variance[j], 2 * n, gain, column)
     return True
@@ -126,7 +126,7 @@ def _parameters(
 ) -> None:
     """Standard parameters of the state: without Coulomb friction in ``table`` (n, 14), which goes apart."""
     flat = table.reshape(-1)
-    flat[:] = constant
+    copy_row(constant, flat)
     for i in range(columns.size):
         flat[columns[i]] += scale[i] * scaled[i]
     for j in range(coulomb.size):

@@ -25,13 +25,27 @@ def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> t
 
 
 @kernel
+def copy_row(row: Any, out: Any) -> None:
+    """out = row, both (k,): numba compiles an assignment of arrays with seconds' worth of error messages."""
+    for i in range(row.size):
+        out[i] = row[i]
+
+
+@kernel
+def copy_rows(rows: Array, out: Array) -> None:
+    """The same of arrays (m, k)."""
+    for i in range(rows.shape[0]):
+        copy_row(rows[i], out[i])
+
+
+@kernel
 def moving(parent: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which joints i move which links j, [j, i] of (n, n): those between the base and the link."""
     n = parent.size
     out = np.zeros((n, n), dtype=np.bool_)
     for j in range(n):
         if parent[j] >= 0:
-            out[j] = out[parent[j]]
+            copy_row(out[parent[j]], out[j])
         out[j, j] = True
     return out
 
@@ -54,7 +68,7 @@ def paths_to(parent: NDArray[np.int64]) -> tuple[NDArray[np.uint64], NDArray[np.
     for j in range(n):
         if parent[j] >= 0:
             depths[j] = depths[parent[j]] + 1
-            paths[j] = paths[parent[j]]
+            copy_row(paths[parent[j]], paths[j])
         paths[j, depths[j]] = j
     return paths, depths
 

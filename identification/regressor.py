@@ -20,7 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .chain import Chain
-from .kinematics import branching, cross, into_link, kernel, link_rotation, origin_acceleration, paths_to
+from .kinematics import (
+    branching,
+    copy_rows,
+    cross,
+    into_link,
+    kernel,
+    link_rotation,
+    origin_acceleration,
+    paths_to,
+)
 from .parameters import PER_JOINT
 
 Array = NDArray[np.float64]
@@ -115,7 +124,7 @@ def _regressor(
                 lx, ly, lz = links[before + 1, 3], links[before + 1, 4], links[before + 1, 5]
                 ax, ay, az = links[before + 1, 6], links[before + 1, 7], links[before + 1, 8]
                 if before >= 0:
-                    motions[:] = motions_of[before]
+                    copy_rows(motions_of[before], motions)
             px, py, pz = translation[j, 0], translation[j, 1], translation[j, 2]
             v, acc = dq[t, j], ddq[t, j]
             if is_slide[j]:
@@ -176,7 +185,7 @@ def _regressor(
                 row[slot[8]] = ux * bxz + uy * byz + uz * bzz + ax * wy - ay * wx
                 row[slot[9]] = ux * ax + uy * ay + uz * az
             if is_left[j]:
-                motions_of[j] = motions
+                copy_rows(motions, motions_of[j])
             row = rows[j]
             row[slot[10]] = acc
             row[slot[11]] = v

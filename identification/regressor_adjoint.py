@@ -57,8 +57,10 @@ def regressor_adjoint(
     arguments = (*chain.arrays[:-1], slots, coulomb_velocity)
 
     def fill(start: int, stop: int) -> None:
-        part = slice(start, stop)
-        _regressor_adjoint(*arguments, q[part], dq[part], ddq[part], seeds[part], bars[:, part])
+        # Contiguous as all else, whether it is a part or the whole: the kernel is compiled for one layout.
+        part, own = slice(start, stop), np.empty((3, stop - start, chain.joints))
+        _regressor_adjoint(*arguments, q[part], dq[part], ddq[part], seeds[part], own)
+        bars[:, part] = own
 
     in_blocks(fill, len(q), threads)
     return bars[0], bars[1], bars[2]

@@ -1,6 +1,5 @@
 """The public functions: as the commands, without a file of their own, and importable at once."""
 
-import json
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -46,6 +45,7 @@ def worked(tmp_path_factory: pytest.TempPathFactory) -> Worked:
     runs = testbench.read_logs([folder / "one.h5", folder / "two.h5"], robot)
     found = testbench.identify(robot, {"one": runs["one"]}, {"two": runs["two"]})
     why = testbench.diagnose(robot, runs)
+    testbench.export(why, folder / "why")
     return Worked(folder, robot, motion, runs, found, why, testbench.predict(why, runs["two"]))
 
 
@@ -78,12 +78,9 @@ def test_results_are_those_of_the_command_line(worked: Worked, tmp_path: Path) -
     estimates = [tmp_path / name / "estimate.json" for name in ("found", "exported")]
     assert estimates[0].read_text() == estimates[1].read_text()
     main(["diagnose", *model, log, two, "--out", str(tmp_path / "why")])
-    testbench.export(worked.why, tmp_path / "because")
-    told, exported = (
-        json.loads((tmp_path / name / "diagnosis.json").read_text()) for name in ("why", "because")
-    )
-    assert exported == told
-    assert (tmp_path / "because" / "corrected.xml").is_file()
+    for name in ("diagnosis.json", "corrected.xml"):
+        told, exported = ((folder / "why" / name).read_text() for folder in (tmp_path, worked.folder))
+        assert exported == told
 
 
 def test_the_diagnosis_and_its_prediction_can_be_read(worked: Worked) -> None:
@@ -98,8 +95,7 @@ def test_the_diagnosis_and_its_prediction_can_be_read(worked: Worked) -> None:
 
 
 def test_a_prediction_by_the_folder_is_that_of_the_result(worked: Worked, tmp_path: Path) -> None:
-    testbench.export(worked.why, tmp_path / "why")
-    again = testbench.predict(tmp_path / "why", worked.runs["two"])
+    again = testbench.predict(worked.folder / "why", worked.runs["two"])
     np.testing.assert_allclose(again.torque.corrected, worked.torque.torque.corrected, rtol=0, atol=1e-9)
     testbench.export(again, tmp_path / "torque.h5")
     assert np.array_equal(read_log(tmp_path / "torque.h5").torque, again.torque.corrected)

@@ -43,7 +43,9 @@ LONGEST_STEP, STEPS = 0.15, 1.6
 # So many samples are kept of what the low-pass leaves, but one in so many at least.
 MOST_KEPT, THINNEST = 150_000, 3
 # Bytes of the regressor at the full rate that are filtered at once; more columns follow.
-MOST_AT_ONCE = 1 << 28
+MOST_AT_ONCE = 1 << 27
+# Samples whose torque by the model is taken at once.
+AT_ONCE = 1 << 12
 # Where there are fewer runs, blocks of each stand in for them.
 FEWEST_FOLDS = 3
 
@@ -54,8 +56,9 @@ class Run:
 
     name: the log's. logged: full-rate signals with the model's prediction. filters: (n,) of each joint's
     torque and columns alike. kept: (M,) indices of the decimated samples. time: (M,) s. q, dq, ddq: (M, n).
-    torque: (M, n), rows: (M, n, 14 n) standard regressor, both filtered. whole: (M, n) bool, away from what
-    is made up. used: those of them that count, away from rest.
+    torque: (M, n), rows: a joint, (M, 14 (n - joint)) of the standard regressor, both filtered; links before
+    it never load a joint. whole: (M, n) bool, away from what is made up. used: those of them that count, away
+    from rest.
     smear: (n,) samples at full rate that each filter spreads what is near rest over. lost: how many samples
     of the log were held or spoiled, and are interpolated. torque_step, position_step: (n,) N·m and
     rad (m), that the log counts in.
@@ -70,13 +73,24 @@ class Run:
     dq: Array
     ddq: Array
     torque: Array
-    rows: Array
+    rows: tuple[Array, ...]
     whole: NDArray[np.bool_]
     used: NDArray[np.bool_]
     smear: NDArray[np.int64]
     lost: int
     torque_step: Array
     position_step: Array
+
+    def by_model(self, parameters: Array) -> Array:
+        """Filtered torque (M, n) N·m of standard parameters (14 n,)."""
+        out = np.empty_like(self.torque)
+        for first in range(0, len(out), AT_ONCE):
+            part = slice(first, first + AT_ONCE)
+            dense = np.zeros((*out[part].shape, len(parameters)))
+            for joint, rows in enumerate(self.rows):
+                dense[:, joint, -rows.shape[1] :] = rows[part]
+            out[part] = dense @ parameters
+        return out
 
     def away_from(self, joint: int, speed: float) -> NDArray[np.bool_]:
         """The samples (M,) not smeared with friction turning, at speeds up to this one, rad/s (m/s)."""
@@ -306,16 +320,16 @@ def _run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> Run:
         body_rotation=body_rotation,
         body_origin=body_origin,
     )
-    base = np.zeros((len(kept), robot.joints, PER_JOINT * robot.joints))
+    count = PER_JOINT * robot.joints
+    base = tuple(np.empty((len(kept), count - PER_JOINT * joint)) for joint in range(robot.joints))
     at_once = max(1, MOST_AT_ONCE // signals.q.nbytes)
-    for first in range(0, base.shape[2], at_once):
-        columns = np.arange(first, min(first + at_once, base.shape[2]))
+    for first in range(0, count, at_once):
+        columns = np.arange(first, min(first + at_once, count))
         rows = regressor(robot.chain, signals.q, signals.dq, signals.ddq, columns)
-        for joint in range(robot.joints):
-            # Links before the joint never load it.
+        for joint, own in enumerate(base):
             loaded = columns >= PER_JOINT * joint
             if loaded.any():
-                base[:, joint, columns[loaded]] = filters[joint](rows[:, joint, loaded])
+                own[:, columns[loaded] - PER_JOINT * joint] = filters[joint](rows[:, joint, loaded])
     run = Run(
         name=log.name,
         logged=logged,

@@ -27,6 +27,8 @@ from .found import Found
 
 Array = NDArray[np.float64]
 
+# A rival of this probability explains it as well.
+AS_WELL = 0.25
 # Share of a joint's squared residual that half the motion determines for sure.
 NEARLY_ALL = 0.8
 # Squared deviations from zero that are left at last, as effects accepted later may explain the same.
@@ -49,8 +51,10 @@ def accepted_as(
     own = best.candidate, found.trial[1].values[-best.candidate.count :]
     obvious = is_obvious(sized, stage, best.gain)
     share = float(stage.shares(best.gain).max())
-    beyond = obvious or is_beyond_healthy(sized, torque_rms, *own)
-    beyond = beyond and not is_excessive(sized, *own, share)
+    # Where an imperfection of healthy size would explain it as well, nothing else need be there.
+    as_well = [(w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL]
+    beyond = all(is_beyond_healthy(sized, torque_rms, *each) for each in (own, *as_well))
+    beyond = (obvious or beyond) and not is_excessive(sized, *own, share)
     beyond = beyond and not is_how_runs_begin(stage.prepared, best.candidate)
     # What a push leaves is where it was.
     firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]

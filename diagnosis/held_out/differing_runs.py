@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
+from identification.parameters import COULOMB, MASS, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 
@@ -62,14 +62,12 @@ class Difference:
 class _Columns:
     """Columns of one kind that each run may have of its own, and their products.
 
-    payload: of PAYLOAD alone. whole: a run, (N, n, k) at full rate. cross: a run, (p, k) with the parameters'
-    columns. own: a run, (k, k), with the prior. right: a run, (k,) with the residual. shows: a run, (k,) of
-    those columns of which it shows anything.
+    payload: of PAYLOAD alone. cross: a run, (p, k) with the parameters' columns. own: a run, (k, k), with the
+    prior. right: a run, (k,) with the residual. shows: a run, (k,) of those of which it shows anything.
     """
 
     kind: str
     payload: Candidate | None
-    whole: tuple[Array, ...]
     cross: tuple[Array, ...]
     own: tuple[Array, ...]
     right: tuple[Array, ...]
@@ -113,7 +111,7 @@ def without_differences(
         for index in sorted(best.coefficients):
             run = prepared.runs[index]
             found.append(_in_numbers(run, best, index))
-            torque = best.columns.whole[index] @ best.coefficients[index]
+            torque = _whole(run, index, best.columns.kind, payload) @ best.coefficients[index]
             prepared = _with_run(prepared, index, _taken_off(run, torque))
 
 
@@ -204,9 +202,9 @@ def _reference(columns: _Columns, own: _Own) -> int:
 def _columns(hypothesis: Design, fitted: Fit, kind: str, payload: Candidate) -> _Columns:
     prepared, base = hypothesis.prepared, ground(hypothesis.prepared)
     n = prepared.joints
-    parts: list[tuple[Array, Array, Array, Array, NDArray[np.bool_]]] = []
+    parts: list[tuple[Array, Array, Array, NDArray[np.bool_]]] = []
     for index, run in enumerate(prepared.runs):
-        whole, z, precision = _of_run(run, index, kind, payload, n)
+        z, precision = _of_run(run, index, kind, payload, n)
         z = z * run.used[:, :, None]
         k = z.shape[2]
         cross, own, right = np.zeros((base.parameters, k)), np.diag(precision).astype(float), np.zeros(k)
@@ -215,26 +213,32 @@ def _columns(hypothesis: Design, fitted: Fit, kind: str, payload: Candidate) -> 
             cross[base.loading[joint]] += weight * (base.columns(index, joint).T @ part)
             own += weight * (part.T @ part)
             right += weight * (part.T @ fitted.residual[index][:, joint])
-        parts.append((whole, cross, own, right, np.diag(own) > precision))
-    whole_, cross_, own_, right_, shows_ = zip(*parts, strict=True)
-    return _Columns(kind, payload if kind == PAYLOAD else None, whole_, cross_, own_, right_, shows_)
+        parts.append((cross, own, right, np.diag(own) > precision))
+    cross_, own_, right_, shows_ = zip(*parts, strict=True)
+    return _Columns(kind, payload if kind == PAYLOAD else None, cross_, own_, right_, shows_)
 
 
-def _of_run(run: Run, index: int, kind: str, payload: Candidate, n: int) -> tuple[Array, Array, Array]:
-    """Columns of a run's own at full rate (N, n, k) and filtered (M, n, k), and their precision (k,)."""
+def _of_run(run: Run, index: int, kind: str, payload: Candidate, n: int) -> tuple[Array, Array]:
+    """Columns of a run's own, filtered (M, n, k), and their precision (k,)."""
     if kind == PAYLOAD:
-        return np.asarray(payload.member.columns[index]), payload.filtered[index], payload.precision
+        return payload.filtered[index], payload.precision
+    if kind == FRICTION:
+        filtered = (np.column_stack([rows[:, own] for rows in run.rows]) for own in (VISCOUS, COULOMB))
+        return np.concatenate([values[:, :, None] * np.eye(n) for values in filtered], axis=2), np.zeros(
+            2 * n
+        )
+    return np.broadcast_to(np.eye(n), (len(run.time), n, n)), np.zeros(n)
+
+
+def _whole(run: Run, index: int, kind: str, payload: Candidate) -> Array:
+    """The same at full rate, (N, n, k): too large to be kept of all runs."""
+    n = run.logged.joints
+    if kind == PAYLOAD:
+        return np.asarray(payload.member.columns[index])
     if kind == FRICTION:
         each = (run.logged.dq, run.logged.direction)
-        whole = np.concatenate([values[:, :, None] * np.eye(n) for values in each], axis=2)
-        joints = PER_JOINT * np.arange(n)
-        z = np.concatenate(
-            [run.rows[:, np.arange(n), joints + own][:, :, None] * np.eye(n) for own in (VISCOUS, COULOMB)],
-            axis=2,
-        )
-        return whole, z, np.zeros(2 * n)
-    whole = np.broadcast_to(np.eye(n), (run.logged.samples, n, n))
-    return whole, np.broadcast_to(np.eye(n), (len(run.time), n, n)), np.zeros(n)
+        return np.concatenate([values[:, :, None] * np.eye(n) for values in each], axis=2)
+    return np.broadcast_to(np.eye(n), (run.logged.samples, n, n))
 
 
 def _fitted(columns: _Columns, matrix: Array, total: float, runs: Sequence[int]) -> _Own:
@@ -285,7 +289,7 @@ def _is_large(prepared: Prepared, own: _Own, index: int) -> bool:
 
 def _in_numbers(run: Run, own: _Own, index: int) -> Difference:
     coefficients, kind = own.coefficients[index], own.columns.kind
-    zeros = np.zeros(own.columns.whole[index].shape[1])
+    zeros = np.zeros(run.torque.shape[1])
     if kind == OFFSETS:
         return Difference(run.name, OFFSETS, None, coefficients)
     if kind == FRICTION:

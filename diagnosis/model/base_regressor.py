@@ -22,7 +22,7 @@ SLOWEST = 0.01
 # Of the strongest joint's torque: a joint that reports none is judged by shares of its torque all the same.
 LEAST_TORQUE = 1e-9
 # Bytes of gathered rows that are kept; those of longer runs are gathered whenever they are read.
-MOST_KEPT = 1 << 28
+MOST_KEPT = 1 << 27
 
 
 class Ground:
@@ -46,11 +46,14 @@ class Ground:
         widths = parameter_widths(prepared.nominal, self.torque_rms, speed, acceleration)
         self.precision = np.append(widths, TIMING) ** -2.0
         self.loading = tuple(slice(PER_JOINT * joint, None) for joint in range(self.joints))
-        self._late = [run.filtered(run.logged.predicted_rate, range(self.joints)) for run in prepared.runs]
-        self.is_small = sum(run.rows.nbytes for run in prepared.runs) <= MOST_KEPT
+        self._late = [
+            np.hstack([run.filtered(run.logged.predicted_rate(j)[:, None], [j]) for j in range(self.joints)])
+            for run in prepared.runs
+        ]
+        self.is_small = sum(rows.nbytes for run in prepared.runs for rows in run.rows) <= MOST_KEPT
         self._columns: dict[tuple[int, int], Array] = {}
         self._x: dict[tuple[int, int], Array] = {}
-        self.gap = tuple(run.torque - run.rows @ prepared.nominal for run in prepared.runs)
+        self.gap = tuple(run.torque - run.by_model(prepared.nominal) for run in prepared.runs)
         self.used = [
             [np.flatnonzero(prepared.runs[run].used[part, j]) + part.start for j in range(self.joints)]
             for run, part in self.folds
@@ -95,8 +98,7 @@ class Ground:
 
     def _stacked(self, run: int, joint: int, part: slice | NDArray[np.int64]) -> Array:
         """Some samples of the standard regressor, with the timing error to the right of it."""
-        late = self._late[run][part, joint]
-        return np.column_stack([self.prepared.runs[run].rows[part, joint, self.loading[joint]], -late])
+        return np.column_stack([self.prepared.runs[run].rows[joint][part], -self._late[run][part, joint]])
 
     def rows(self, runs: Sequence[Array]) -> list[list[Array]]:
         """Used rows of arrays (M, n, ...), one a run: a fold, a joint."""

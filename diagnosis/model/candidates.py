@@ -33,7 +33,7 @@ EVENT = "external_contact"
 SATURATION = "torque_saturation"
 DELAY = "torque_delay"
 # Bytes of all joints' samples at the full rate: families that are made at the same time share so many.
-MOST_AT_ONCE = 1 << 27
+MOST_AT_ONCE = 1 << 26
 # What the effect of a free function of the motion is called before its regime.
 FREE = "unknown: "
 

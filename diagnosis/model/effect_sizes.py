@@ -19,15 +19,15 @@ Array = NDArray[np.float64]
 
 ELASTIC, CABLE, GAIN = "joint_elasticity", "cable_spring", "torque_gain_error"
 OFFSET, ECCENTRICITY = "encoder_offset", "encoder_eccentricity"
-# What healthy robots reach, as a multiple of the mild end of the effect's typical range: a few per cent of
-# friction differs by direction, and torque and position are sampled up to two milliseconds apart.
+# What healthy robots reach, as a multiple of the mild end of the effect's typical range: a tenth of friction
+# differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
 HEALTHY: Mapping[str, float] = {
     # By their first law springs that stiffen are fitted two to three times too stiff.
     ELASTIC: 0.35,
     # So are bristles that do not slip at first, but any joint's may yield by a fifth of a milliradian.
     "presliding_hysteresis": 0.4,
-    "asymmetric_friction": 2.0,
+    "asymmetric_friction": 5.0,
     "stribeck_friction": 1.0,
     # Any joint loses a tenth of its viscous friction as it warms.
     "thermal_friction_drift": 0.5,

@@ -12,7 +12,7 @@ from ..fit.likelihood import Weighed
 from ..fit.normal_equations import Fit, fitted_to
 from ..fit.score import Stage
 from ..model.candidates import Candidate
-from ..model.effect_sizes import CABLE, ELASTIC, GAIN, OF_THE_LOAD, SPRINGS, is_plausible
+from ..model.effect_sizes import CABLE, ELASTIC, SPRINGS, is_plausible
 from ..model.hypothesis import Design
 from ..residual.unexplained import NOTHING, Unclaimed, share_left
 
@@ -21,16 +21,10 @@ SLOWEST_RIPPLE = 10.0
 # A spring that explains this share of a joint's squared residual is one, though not quite by its law; a hose
 # is no straight line either.
 ONE_LAW, HOSE = 0.995, 0.95
-# So many laws at one joint more than at others are one that no catalogue holds, and so many couplings no
-# robot's drives, unless one of them leaves no more than this share of the squared residual, or two
-# reported ones leave no more than the other one between them: the others fit their residual.
-MANY_LAWS, MANY_COUPLINGS, LEFT_BY_ONE, LEFT_BY_TWO = 4, 4, 0.05, 0.01
 # Squared residual that is left where a joint's own elasticity is all that gives way, as a share of what
 # re-identification leaves.
 ELASTIC_LEFT = 0.16
-RESONANCE, MANY = "resonance with other joints", "motion by several laws at once"
-# What is lost of the load, and another gain of it, so many times that at most: each way loses its own share.
-ONE_WAY, MOST_GAINED = "load, more of it one way than the other", 1.5
+RESONANCE = "resonance with other joints"
 COUPLING = "joint_coupling"
 
 
@@ -94,56 +88,6 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
     return tuple(found)
 
 
-def laws_of_load(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
-    """Joints that both lose a share of their load and have another gain: no gear need be as good driven back.
-
-    Of what it loses one way nothing may be lost the other: then the gain is the share, to first order. first,
-    last: as above.
-    """
-    sizes = {
-        (a.candidate.family.effect, a.candidate.family.joint): abs(float(last.fitted.values[own][0]))
-        for a, own in zip(accepted, last.hypothesis.parts, strict=True)
-        if a.named and a.candidate.family.effect in (OF_THE_LOAD, GAIN)
-    }
-    found = []
-    for joint, left in enumerate(share_left(first, last).tolist()):
-        lost, gained = sizes.get((OF_THE_LOAD, joint)), sizes.get((GAIN, joint))
-        if lost is not None and gained is not None and gained <= MOST_GAINED * lost:
-            found.append(Unclaimed(joint, ONE_WAY, 1 - left))
-    return tuple(found)
-
-
-def many_laws(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
-    """Joints with a reported effect that need many more laws than others; all joints of many couplings.
-
-    Laws count reported or not: every joint of a robot may have some imperfections. first, last: as above.
-    """
-    coupled = [a for a in accepted if _is_coupling(a)]
-    left, found = share_left(first, last), []
-    places = [(a.candidate.family.joint, a.candidate.family.into) for a in accepted]
-    own = np.array([places.count((joint, None)) for joint in range(first.prepared.joints)])
-    for joint in range(len(own)):
-        # An unreported coupling may be any other joint's.
-        laws = [
-            a
-            for a in accepted
-            if a.candidate.family.joint == joint or (a.named and a.candidate.family.into == joint)
-        ]
-        elsewhere = float(np.median(np.delete(own, joint))) if len(own) > 1 else 0.0
-        many = len(laws) - elsewhere >= MANY_LAWS and any(a.named for a in laws)
-        many |= len(coupled) >= MANY_COUPLINGS and any(_is_coupling(a) for a in laws)
-        if many and not _is_almost_all(laws):
-            found.append(Unclaimed(joint, MANY, 1 - float(left[joint])))
-    return tuple(found)
-
-
-def _is_almost_all(laws: Sequence[Accepted]) -> bool:
-    """Whether one of a joint's laws, or two reported ones, leave next to nothing for the others."""
-    one = min(1 - a.share for a in laws)
-    two = sorted(1 - a.share for a in laws if a.named)[:2]
-    return one <= LEFT_BY_ONE or (len(two) == 2 and two[0] * two[1] <= LEFT_BY_TWO)
-
-
 def resonances(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
     """Joints that seem elastic, if several do and some are explained badly: what carries them gives way.
 
@@ -169,11 +113,6 @@ def out_of_bounds(
         if not is_plausible(robot, item.candidate, fitted.values[own]):
             found.append(Unclaimed(joint, NOTHING, item.share))
     return tuple(found)
-
-
-def _is_coupling(item: Accepted) -> bool:
-    """Whether it is named, and couples two joints."""
-    return item.named and item.candidate.family.effect == COUPLING
 
 
 def _is_of_position(item: Accepted) -> bool:

@@ -208,16 +208,17 @@ def with_friction_near_rest(prepared: Prepared, known: NearRest) -> Prepared:
     }
     runs = []
     for run in prepared.runs:
-        used, rows = run.used.copy(), run.rows.copy()
+        used, rows = run.used.copy(), list(run.rows)
         for joint in joints:
             share = run.filtered(run.logged.direction[:, [joint]], [joint])
-            rows[:, joint, PER_JOINT * joint + COULOMB] = share[:, 0]
+            rows[joint] = run.rows[joint].copy()
+            rows[joint][:, COULOMB] = share[:, 0]
             used[:, joint] &= run.away_from(joint, slowest.get(joint, DEAD_ZONE))
         for joint in known.held:
             used[:, joint] = run.whole[:, joint]
         for pair in known.standing:
             used[:, pair] &= apart_from_standing(run, pair)
-        runs.append(replace(run, used=used, rows=rows))
+        runs.append(replace(run, used=used, rows=tuple(rows)))
     return replace(prepared, runs=tuple(runs), held=known.held, standing=known.standing)
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from ..decision.findings import LITTLE_CLOSED, PERHAPS_NOISE, Gap, NamedEffect
-from ..plausibility.accepted import ONE_WAY, RESONANCE
+from ..plausibility.accepted import RESONANCE
 from ..proposals.one_sided_springs import ONE_SIDED
 from ..residual.unexplained import NOTHING, UNTOLD, Unclaimed
 
@@ -22,7 +22,6 @@ UNSURE = 0.6
 LIKELY = {
     RESONANCE: ": a base that rocks or a link that bends would",
     ONE_SIDED: ": a hose with slack or a bumper would",
-    ONE_WAY: ": a worm or another gear that hardly drives back would",
 }
 # What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
 NEXT_TO_NOTHING = 0.005

@@ -36,9 +36,7 @@ from ..model.hypothesis import Design
 from ..model.library import Sought
 from ..plausibility.accepted import (
     Accepted,
-    laws_of_load,
     laws_of_position,
-    many_laws,
     out_of_bounds,
     resonances,
     without_one,
@@ -171,7 +169,7 @@ def _grown(
     accepted = of_one_joint(sized, told_apart_at_last(last, sized, accepted, weighed), open_, last)
     certain = [a.candidate for a in accepted if a.is_certain]
     sure = None if len(certain) == len(accepted) else Stage.of(base, certain)
-    imitations = (laws_of_position, laws_of_load, many_laws, one_sided, resonances, vibrations)
+    imitations = (laws_of_position, one_sided, resonances, vibrations)
     imitated = [each for kind in imitations for each in kind(original, last, accepted)]
     if len(kept := without_shaken(accepted, imitated)) < len(accepted):
         accepted = kept

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..chain import Chain
 from ..forward_dynamics import factorise, solve
 from ..inverse_dynamics import _inverse_dynamics
-from ..kinematics import kernel
+from ..kinematics import copy_rows, kernel
 from ..parameters import PER_JOINT
 from .plant import (
     COMMAND_STEP,
@@ -159,7 +159,7 @@ def _simulate(
     n, samples = is_slide.size, out_position.shape[0]
     h = 1.0 / (rate * substeps)
     links = np.zeros((n, PER_JOINT))
-    links[:, :] = table[:, :PER_JOINT]
+    copy_rows(table[:, :PER_JOINT], links)
     # Viscous and Coulomb friction are the step's own.
     links[:, 11] = 0.0
     links[:, 12] = 0.0

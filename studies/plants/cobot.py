@@ -240,7 +240,7 @@ def _run(
     h = 1.0 / (CONTROL * STEPS)
     position, torque = np.empty((samples, n)), np.empty((samples, n))
     link, rate, bend = reference[0] - table[:, ZERO], np.zeros(n), np.zeros(n)
-    matrix, bias, work = np.zeros((n, n)), np.zeros(n), np.zeros((9, n + 2, 3))
+    matrix, bias, work = np.zeros((n, n)), np.zeros(n), np.zeros((8, n + 2, 3))
     factor, net, a = np.zeros((n, n)), np.zeros(n), np.zeros(n)
     dynamics(place, axis, slide, mass, centre, inertia, armature, gravity, link, rate, matrix, bias, work)
     motor, spin = np.zeros(n), np.zeros(n)
@@ -322,7 +322,9 @@ def _run(
                 net[j] = carried + push - bias[j]
                 drive = (1.0 + row[GAIN]) * current[j]
                 spin[j] += h / row[ROTOR] * (drive + others - friction - carried)
-            factor[:] = matrix
+            for j in range(n):
+                for other in range(n):
+                    factor[j, other] = matrix[j, other]
             solve(factor, net, a)
             for j in range(n):
                 rate[j] += h * a[j]

@@ -260,7 +260,7 @@ def _run(
     h = 1.0 / (RATE * STEPS)
     position, torque = np.empty((samples, n)), np.empty((samples, n))
     q, v, net, a = reference[0] - table[:, ZERO], np.zeros(n), np.zeros(n), np.zeros(n)
-    matrix, bias, work = np.zeros((n, n)), np.zeros(n), np.zeros((9, n + 2, 3))
+    matrix, bias, work = np.zeros((n, n)), np.zeros(n), np.zeros((8, n + 2, 3))
     kept, current, load, warm = np.zeros((DELAYS, n)), np.zeros(n), np.zeros(n), np.zeros(n)
     command, before, drive = np.zeros(n), np.zeros(n), np.zeros(n)
     # The loop's integrators begin with what holds the arm.

@@ -210,7 +210,7 @@ def inverse(
     tau: Array,
     work: Array,
 ) -> None:
-    """Torque (n,) into ``tau`` for a motion (n,); work: (9, n + 1, 3) scratch."""
+    """Torque (n,) into ``tau`` for a motion (n,); work: (8, n + 1, 3) scratch."""
     n = q.size
     turn = np.empty((n, 3, 3))
     rate, spin, lift, force, couple, at = work[0], work[1], work[2], work[3], work[4], work[5]
@@ -308,8 +308,7 @@ def dynamics(
 ) -> None:
     """Mass matrix (n, n), lower triangle right, and bias (n,) of Coriolis and gravity at a state."""
     n = q.size
-    still, unit, column, nothing = work[8, :n, 0], np.zeros(n), np.zeros(n), np.zeros(3)
-    still[:] = 0.0
+    still, unit, column, nothing = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(3)
     inverse(place, axis, slide, mass, centre, inertia, armature, gravity, q, dq, still, bias, work)
     rest = np.zeros(n)
     for j in range(n):
@@ -358,7 +357,7 @@ def inverse_along(
     ddq: Array,
 ) -> Array:
     """Torque (N, n) along a motion (N, n)."""
-    out, work = np.empty(q.shape), np.zeros((9, q.shape[1] + 2, 3))
+    out, work = np.empty(q.shape), np.zeros((8, q.shape[1] + 2, 3))
     for k in range(q.shape[0]):
         inverse(
             place, axis, slide, mass, centre, inertia, armature, gravity, q[k], dq[k], ddq[k], out[k], work

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from testbench.log import Recording
 
 from .drawing import UNKNOWN, Place, log_of
-from .links import GRAVITY, Links
+from .links import GRAVITY, Links, solve
 from .motions import Motion, moves, waves
 
 Array = NDArray[np.float64]
@@ -283,7 +283,8 @@ def _run(
     _rigid(figures, gravity, q, v, matrix, bias)
     command, before = bias.copy(), bias.copy()
     for k in range(LATEST):
-        kept[k] = bias
+        for j in range(bias.size):
+            kept[k, j] = bias[j]
     band = 2 * np.pi * 8.0
     for k in range(samples):
         for j in range(n):
@@ -328,7 +329,7 @@ def _run(
         shared = table[0, PAIR_VISCOUS] * both + table[0, PAIR_COULOMB] * np.tanh(both / 0.02)
         net[0] -= shared
         net[1] -= shared
-        after = v.copy()
+        after, change = v.copy(), np.zeros(n)
         for _ in range(NEWTON):
             jacobian = matrix / h
             for j in range(n):
@@ -337,7 +338,7 @@ def _run(
                 for i in range(n):
                     residual[j] -= matrix[j, i] * (after[i] - v[i]) / h
                 jacobian[j, j] += level[j] * (1.0 - slip**2) / smooth[j] + viscous[j]
-            change = np.linalg.solve(jacobian, residual)
+            solve(jacobian, residual, change)
             for j in range(n):
                 # Beyond the tanh's width Newton would overshoot.
                 after[j] += min(max(change[j], -30 * smooth[j]), 30 * smooth[j])

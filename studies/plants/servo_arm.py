@@ -236,7 +236,7 @@ def _run(
 ) -> tuple[Array, Array]:
     samples, n = reference.shape
     position, torque = np.empty((samples, n)), np.empty((samples, n))
-    matrix, bias, work = np.zeros((n, n)), np.zeros(n), np.zeros((9, n + 2, 3))
+    matrix, bias, work = np.zeros((n, n)), np.zeros(n), np.zeros((8, n + 2, 3))
     q, v, a, net = reference[0] - table[:, ZERO], np.zeros(n), np.zeros(n), np.zeros(n)
     bend, load, level, before = np.zeros((n, 4)), np.zeros(n), np.zeros(n), np.zeros(n)
     dynamics(place, axis, slide, mass, centre, inertia, armature, gravity, q, v, matrix, bias, work)

@@ -83,7 +83,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     parameter = DESCRIPTION.parameters[0]
     lower, upper = np.array([parameter.lower]), np.array([parameter.upper])
-    rates = [run.predicted_rate[:, joint] for run in runs]
+    rates = [run.predicted_rate(joint) for run in runs]
     second = [
         np.gradient(rate, 1 / run.sample_rate, edge_order=2) for run, rate in zip(runs, rates, strict=True)
     ]

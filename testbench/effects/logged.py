@@ -27,7 +27,7 @@ ANGLE_STEP = 1e-5
 SPLINE_SAMPLES = 8
 # Joints whose derivatives of the load are kept, at most so many bytes of them: effects are made for one joint
 # after the other. So many samples of them are made at once.
-DERIVATIVES, MOST_BYTES, AT_ONCE = 3, 1 << 28, 1 << 16
+DERIVATIVES, MOST_BYTES, AT_ONCE = 3, 1 << 27, 1 << 16
 # What a run has of every sample.
 PER_SAMPLE = (
     "time",
@@ -107,12 +107,8 @@ class Logged:
 
         With what is known to act behind them.
         """
-        return self._rigid if self.carried is None else self._rigid + self.carried
-
-    @cached_property
-    def _rigid(self) -> Array:
-        """Links and springs alone, (N, n) N·m."""
-        return inverse_dynamics(self.chain, self._links, self.q, self.dq, self.ddq)
+        rigid = inverse_dynamics(self.chain, self._links, self.q, self.dq, self.ddq)
+        return rigid if self.carried is None else rigid + self.carried
 
     @cached_property
     def direction(self) -> Array:
@@ -128,7 +124,7 @@ class Logged:
         """What Coulomb friction changes its sign with, (N, n) rad/s (m/s): the speed a little later."""
         return self.dq + self.coulomb_lead * self.ddq
 
-    @cached_property
+    @property
     def friction(self) -> Array:
         """Viscous and Coulomb friction and offset by the model, (N, n) N·m."""
         table = self.table
@@ -139,11 +135,10 @@ class Logged:
         """Drive torque by the model, (N, n) N·m: load, rotors and friction; never the measured torque."""
         return self.load + self.table[:, ARMATURE] * self.ddq + self.friction
 
-    @cached_property
-    def predicted_rate(self) -> Array:
-        """Time derivative of ``predicted``, (N, n) N·m/s; a jump of Coulomb friction is a spike."""
+    def predicted_rate(self, joint: int) -> Array:
+        """Time derivative of ``predicted`` at a joint, (N,) N·m/s; a jump of Coulomb friction is a spike."""
         # Of two samples, so that a jump touches no others.
-        return np.gradient(self.predicted, 1 / self.sample_rate, axis=0, edge_order=2)
+        return np.gradient(self.predicted[:, joint], 1 / self.sample_rate, edge_order=2)
 
     @cached_property
     def residual(self) -> Array:
@@ -173,14 +168,19 @@ class Logged:
         nothing moves.
         """
         change = np.empty((self.samples, self.joints))
-        each = np.ascontiguousarray(np.broadcast_to(displacement, (self.samples, 3)))
+        each = np.ascontiguousarray(displacement)
+        if len(each) < self.samples:
+            each = np.repeat(each, self.samples, axis=0)
         _combine(*self.load_derivatives(joint), each, change)
         return change
 
     def load_elsewhere(self, joint: int, by: float) -> Array:
         """Change of ``load``, (N, n) N·m, where link coordinate ``joint`` is by so much more, rad: exact."""
-        q = self.q + by * np.eye(self.joints)[joint]
-        return inverse_dynamics(self.chain, self._links, q, self.dq, self.ddq) - self._rigid
+        here, there = (
+            inverse_dynamics(self.chain, self._links, q, self.dq, self.ddq)
+            for q in (self.q, self.q + by * np.eye(self.joints)[joint])
+        )
+        return there - here
 
     @property
     def _links(self) -> Array:

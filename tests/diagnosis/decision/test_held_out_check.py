@@ -11,7 +11,6 @@ from diagnosis.decision.findings import Gap
 from diagnosis.decision.held_out_check import closed_without_a_name, names_that_hold, pushes_that_hold
 from diagnosis.diagnose import diagnose
 from diagnosis.model.candidates import candidates
-from diagnosis.search.growth import attribute
 from testbench.effects import parse_injection
 
 from ...diagnosed import RATE, simulated_runs
@@ -158,20 +157,6 @@ def test_a_push_that_leaves_half_of_the_gap_is_none(prepared, after, elsewhere, 
     found, bursts = pushes_that_hold([push, replace(accepted_of(cable), named=beside)], gap)
     assert found[0].named == holds
     assert [each.joint for each in bursts] == ([] if holds else [1])
-
-
-@pytest.mark.parametrize(
-    ("others", "expected"),
-    [
-        ([], [("backlash", 0)]),
-        # As in imperfect robots, where the play would be one little thing of many.
-        (["stribeck_friction:elbow:extra=0.2,velocity=0.2"], []),
-    ],
-)
-def test_a_little_of_one_effect_and_of_nothing_else_has_a_name(arm, others, expected):
-    faults = [parse_injection(arm, text) for text in ["backlash:shoulder:gap=0.0005", *others]]
-    found = attribute(prepare(arm, simulated_runs(arm, faults, runs=3, noise=0.01))).accepted
-    assert [(a.candidate.family.effect, a.candidate.family.joint) for a in found if a.named] == expected
 
 
 @pytest.mark.parametrize(("shaken", "verdict"), [((0,), "effect"), ((0, 1), "unknown")])

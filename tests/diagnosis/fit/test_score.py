@@ -14,6 +14,7 @@ from diagnosis.model.base_regressor import ground
 from diagnosis.model.candidates import candidates
 from diagnosis.model.gram import Bank
 from diagnosis.model.hypothesis import scaled_precision
+from identification.inverse_dynamics import inverse_dynamics
 from testbench.effects import parse_injection
 
 from ...diagnosed import simulated_runs
@@ -72,10 +73,13 @@ def held_out(stage, candidate):
     return total
 
 
-def test_what_does_not_load_a_joint_has_no_column_there(stage):
-    for joint, loading in enumerate(stage.ground.loading):
-        for run in stage.prepared.runs:
-            assert not run.rows[:, joint, : loading.start].any()
+def test_rows_of_what_loads_a_joint_give_all_of_the_torque_by_the_model(stage):
+    nominal = stage.prepared.nominal
+    for run in stage.prepared.runs:
+        logged = run.logged
+        torque = inverse_dynamics(logged.chain, nominal, logged.q, logged.dq, logged.ddq)
+        expected = run.filtered(torque, range(stage.ground.joints))
+        np.testing.assert_allclose(run.by_model(nominal), expected, atol=1e-9 * np.abs(expected).max())
 
 
 def test_gains_are_those_of_solving_each_hypothesis(stage):

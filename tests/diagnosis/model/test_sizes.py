@@ -62,9 +62,9 @@ def test_the_stiffness_of_a_transmission_is_sought_at_the_load_that_it_leaves(ar
     assert 0 < damping.std < 0.1 * 4
 
 
-@pytest.mark.parametrize("stiffness", [3000.0, 5000.0])
-def test_a_spring_is_told_by_a_column_that_is_its_own(arm, stiffness):
+def test_a_spring_is_told_by_a_column_that_is_its_own(arm):
     """A little of what a far softer one's resonance does looks like it, and so does one that hardens."""
+    stiffness = 3000.0
     text = f"joint_elasticity:shoulder:stiffness={stiffness},damping=4"
     (found,) = diagnose(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3)).effects
     assert (found.effect, found.joint, found.candidate.member.law) == ("joint_elasticity", 0, None)

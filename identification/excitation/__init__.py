@@ -1,0 +1,1 @@
+"""Motions that excite a robot: trajectories, criteria, limits, design."""
