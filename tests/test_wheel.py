@@ -63,6 +63,12 @@ def test_every_package_says_that_it_is_typed(installed: Path) -> None:
     assert [name for name in PACKAGES if not (installed / name / "py.typed").is_file()] == []
 
 
+def test_every_page_has_its_template_in_the_wheel(installed: Path) -> None:
+    pages = [path.relative_to(ROOT) for name in PACKAGES for path in (ROOT / name).rglob("templates/*.html")]
+    assert pages
+    assert [page for page in pages if not (installed / page).is_file()] == []
+
+
 def test_a_file_of_the_users_own_comes_before_one_shipped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
