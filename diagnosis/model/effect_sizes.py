@@ -73,10 +73,11 @@ LARGEST: Mapping[str, float] = {
 SPRINGS, HELD = (CABLE, "gravity_spring"), 0.3
 # And of a law beside an effect's first, but for cables, which rub and harden as they are.
 LARGEST_BY_LAW = 3.0
-# N·m are judged against this share of the joint's torque, at least.
+# N·m are judged against this share of the joint's torque, at least. No motion is free of a ripple of a
+# hundredth: an amplitude of .8 of its share is beyond it.
+RIPPLE, ASYMMETRY = "transmission_ripple", "asymmetric_friction"
+LEAST_SIZES: Mapping[str, float] = {RIPPLE: 0.03, ASYMMETRY: 0.0024}
 LEAST_SIZE = 0.006
-# No motion is free of a ripple of a hundredth of the joint's torque: an amplitude of .8 of this is beyond it.
-RIPPLE, RIPPLE_TORQUE = "transmission_ripple", 0.03
 # A spring that holds less than this share of the Coulomb friction may be any cable.
 SPRING, SPRING_COULOMB = "gravity_spring", 0.1
 # No gear loses so many times the severe end's share of its load, or warms within so many seconds: what seems
@@ -103,7 +104,7 @@ TOOL_REACH = 0.4
 # An effect's size is its first parameter, or the largest of these.
 DIFFERENCE = "viscous_difference"
 _SIZES: Mapping[str, tuple[str, ...]] = {
-    "asymmetric_friction": ("offset", DIFFERENCE),
+    ASYMMETRY: ("offset", DIFFERENCE),
     "joint_coupling": ("viscous", "coulomb"),
     "base_tilt": ("roll", "pitch"),
 }
@@ -199,7 +200,7 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
     family, description = candidate.family, effect(candidate.family.effect).DESCRIPTION
     known = {parameter.name: parameter for parameter in description.parameters}
     values = quantities(candidate, coefficients)
-    largest = 0.0
+    largest, least = 0.0, LEAST_SIZES.get(family.effect, LEAST_SIZE)
     for name in sizes(family.effect):
         mild, severe = typical_range(known[name], robot, family.joint)
         grows = severe >= mild
@@ -207,7 +208,6 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
             masses = robot.parameters.reshape(-1, PER_JOINT)[:, MASS]
             mild = min(mild, OF_LAST_LINK * max(float(masses[-1]), OF_HEAVIEST * float(masses.max())))
         if family.joint is not None and known[name].unit == "N·m":
-            least = RIPPLE_TORQUE if family.effect == RIPPLE else LEAST_SIZE
             mild = max(mild, least * float(torque_scale[family.joint]))
             if family.effect == SPRING:
                 mild = max(mild, SPRING_COULOMB * scale_of("coulomb", robot, family.joint))
@@ -216,7 +216,7 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
         if name == DIFFERENCE:
             # Where friction is little of the torque, any direction's share of it is nothing.
             assert family.joint is not None
-            mild = max(mild, LEAST_SIZE * float(torque_scale[family.joint]) / _moved_by_one(candidate, 1))
+            mild = max(mild, least * float(torque_scale[family.joint]) / _moved_by_one(candidate, 1))
         value = _number(values[name])
         if family.effect == CABLE:
             value *= _lever(robot, candidate, values)

@@ -44,7 +44,7 @@ SMALLEST_SUM = 6.0
 HIDDEN_OVERLAP = 0.9
 # Friction that differs by direction, and no more, is any torque sensor's offset: it must show, by this share
 # of what is left, or be so many times what healthy joints have.
-OF_SENSORS, OF_SENSORS_SHARE, OF_SENSORS_SIZE = "asymmetric_friction", 0.02, 4.0
+OF_SENSORS, OF_SENSORS_SHARE, OF_SENSORS_SIZE = "asymmetric_friction", 0.02, 1.6
 # What one joint's misfit can imitate is no effect of the whole robot.
 SMALLEST_ELSEWHERE = 7.5
 # Wald statistic of a reported effect: five standard deviations.
