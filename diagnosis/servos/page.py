@@ -59,6 +59,7 @@ def write_servo_report(
                 for each in diagnosis.candidates
             ],
             unknown=100 * diagnosis.unknown,
+            beside=words.beside(diagnosis),
             gap=plot("gap", "", _gap(diagnosis)),
             motions=[plot(f"run-{index}", run.name, _run(diagnosis, run)) for index, run in enumerate(runs)],
             experiment=diagnosis.experiment,

@@ -11,6 +11,8 @@ from .findings import ServoDiagnosis, ServoFault
 
 # Joints, effects and candidates that the terminal lists.
 MOST = 4
+# Probability from which it is said that something acts which the catalogue lacks.
+STATED = 0.5
 
 
 def sentence(diagnosis: ServoDiagnosis) -> str:
@@ -24,7 +26,7 @@ def sentence(diagnosis: ServoDiagnosis) -> str:
         names = ", ".join(f"{title(each)} ({each.probability:.0%})" for each in diagnosis.effects)
         return (
             f"The gap comes from {names}: the position error in closed loop falls from {parameters} "
-            f"re-identified to {corrected} {halves}; it is {given} by the model as given."
+            f"re-identified to {corrected} {halves}; it is {given} by the model as given.{beside(diagnosis)}"
         )
     if diagnosis.verdict == "none":
         return f"The model as given explains these logs: {given} {halves}, {parameters} re-identified."
@@ -45,6 +47,13 @@ def sentence(diagnosis: ServoDiagnosis) -> str:
         f"leaves ({parameters} {halves}, {given} as given), and no effect of the catalogue explains it "
         f"surely enough{which}."
     )
+
+
+def beside(diagnosis: ServoDiagnosis) -> str:
+    """A sentence on what acts besides the stated effects, after a blank; empty where nothing is likely."""
+    if diagnosis.unknown < STATED:
+        return ""
+    return f" What is left has a cause that the catalogue lacks ({diagnosis.unknown:.0%})."
 
 
 def title(each: ServoFault) -> str:

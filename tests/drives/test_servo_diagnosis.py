@@ -10,6 +10,7 @@ import pytest
 
 from diagnosis.servos.diagnose import diagnose_servos
 from diagnosis.servos.findings import ServoDiagnosis
+from diagnosis.servos.words import sentence
 from identification.output_error.plant import DELAY, GAP, KP_SCALE, plant_table
 from identification.output_error.servo_loop import Window, simulate
 from identification.output_error.servo_run import ServoRun
@@ -73,6 +74,8 @@ def test_the_fault_that_acts_is_stated_at_its_joint(model: Path, fault: str) -> 
     truth = next(iter(FAULTS[fault].values()))
     assert abs(float(np.asarray(quantity.value)) - truth) < 0.25 * truth
     assert found.effects[0].probability > 0.8
+    assert "the catalogue lacks (90%)" in sentence(replace(found, unknown=0.9))
+    assert "the catalogue lacks" not in sentence(replace(found, unknown=0.1))
 
 
 def test_nothing_is_stated_of_a_robot_in_order(model: Path) -> None:
