@@ -36,9 +36,10 @@ def sentence(diagnosis: ServoDiagnosis) -> str:
             f"from {given} to {parameters} {halves}, and no effect stands out."
         )
     worst = diagnosis.where[0]
+    there = [each for each in diagnosis.candidates if each.joint in (None, worst.joint)]
     likely = " or ".join(
         f"{labelled(each.effect, each.joint)} ({each.probability:.0%})"
-        for each in diagnosis.candidates[:2]
+        for each in there[:2]
         if each.probability >= 0.05
     )
     which = f"; likeliest: {likely}" if likely else ""
