@@ -29,7 +29,7 @@ from ._report import Goal, Report
 GIBIBYTES = 4.0
 COMMAND = "from testbench.cli import main; main()"
 # What a command imports, without any log.
-EMPTY = "import testbench.cli, diagnosis.job, diagnosis.report, testbench.identify"
+EMPTY = "import testbench.cli, diagnosis.job, diagnosis.report, testbench.jobs.identify"
 # s of a motion that shows which effects have columns.
 SHORT = 20.0
 # s between two looks at the processes' memory.
