@@ -30,7 +30,8 @@ INSIDE = 0.99
 OF_GRID = 0.03
 
 
-@dataclass(frozen=True)
+# Hypotheses are the same only where they are one fit: their arrays have no single equality.
+@dataclass(frozen=True, eq=False)
 class Fitted:
     """A hypothesis fitted. place: None for the limb as it was before. size: in the effect's scale, and its
     deviation."""
@@ -41,7 +42,7 @@ class Fitted:
     size_std: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Weighed:
     """A fitted hypothesis, its probability, and the log of its Bayes factor against the limb in order."""
 

@@ -3,14 +3,17 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 import mujoco
 import numpy as np
 import pytest
 
 from diagnosis.servos.diagnose import diagnose_servos
+from diagnosis.servos.evidence import Fitted, Weighed
 from diagnosis.servos.findings import ServoDiagnosis
 from diagnosis.servos.words import sentence
+from identification.output_error.fit import Fit
 from identification.output_error.plant import DELAY, GAP, KP_SCALE, plant_table
 from identification.output_error.servo_loop import Window, simulate
 from identification.output_error.servo_run import ServoRun
@@ -76,6 +79,13 @@ def test_the_fault_that_acts_is_stated_at_its_joint(model: Path, fault: str) -> 
     assert found.effects[0].probability > 0.8
     assert "the catalogue lacks (90%)" in sentence(replace(found, unknown=0.9))
     assert "the catalogue lacks" not in sentence(replace(found, unknown=0.1))
+
+
+def test_an_effect_that_two_rounds_weigh_is_two_hypotheses() -> None:
+    fits = [Fit(cast(Any, None), *(np.zeros(2) for _ in range(6)), iterations=1) for _ in range(2)]
+    first, second = (Weighed(Fitted(None, each), 0.5, 0.0) for each in fits)
+    assert second not in (first,)
+    assert second in (first, second)
 
 
 def test_nothing_is_stated_of_a_robot_in_order(model: Path) -> None:
