@@ -16,7 +16,7 @@ from testbench.log import Recording
 from testbench.model_reading.reading import Choice
 from testbench.progress import Steps, steps
 from testbench.robot import Robot, load_robot, print_notes
-from testbench.runs import by_path, logged_joints, read_runs, run_names
+from testbench.runs import by_path, read_runs, run_names
 
 from .correction.closed_loop_gap import ForwardGap, forward_gap, gap_as_given
 from .correction.corrected_mjcf import Written, write_corrected
@@ -48,20 +48,21 @@ def diagnose_logs(
     payloads: Sequence[str] = (),
     map_path: Path | None = None,
     choice: Choice | None = None,
+    joint_names: Sequence[str] | None = None,
 ) -> tuple[Diagnosis, NextExperiment | None, Written]:
     """Diagnose the logs against the model; write everything to ``out``.
 
     without: effects taken out of the catalogue. seed: of the next experiment. jobs: threads. cutoff: Hz, no
     joint's band is wider; None for what its encoders leave. payloads: RUN=KG each, a payload of known mass
     that is in that run and in no other. map_path: how recordings that are no robot-logs are read. choice: of
-    the model; the logs' joints are the robot's where it names none. Leaves
-    corrected.xml, report.html, session.rrd, next_experiment.json where one helps, and diagnosis.json,
+    the model; joint_names, of the first log, are the robot's where it names none. Leaves corrected.xml,
+    report.html, session.rrd, next_experiment.json where one helps, and diagnosis.json,
     which is written last. Raises InputError.
     """
     _require_valid(without, cutoff)
     require_writable(out / DOCUMENT)
     masses = dict(_stated(each, run_names(logs)) for each in payloads)
-    robot = load_robot(model, choice, logged_joints(logs[0], map_path))
+    robot = load_robot(model, choice, joint_names)
     print_notes(robot)
     recordings = dict(zip(run_names(logs), read_runs(logs, robot, map_path), strict=True))
     findings = require_sound(robot, recordings, logs)

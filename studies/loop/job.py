@@ -66,7 +66,9 @@ def _round(robot: Withheld, out: Path, number: int, jobs: int | None) -> Round:
         first = len(_logs(out, number - 1)) + 1
         for index, recording in enumerate(recordings, start=first):
             write_log(recording, folder / f"run_{index}.h5")
-        diagnose_logs(out / NOMINAL, _logs(out, number), folder, seed=robot.scenario.seed, jobs=jobs)
+        names = recordings[0].joint_names
+        seed = robot.scenario.seed
+        diagnose_logs(out / NOMINAL, _logs(out, number), folder, seed=seed, jobs=jobs, joint_names=names)
     document = read_json(folder / DOCUMENT)
     require_diagnosis(document, folder / DOCUMENT)
     return read_round(number, document)

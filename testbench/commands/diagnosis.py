@@ -74,7 +74,17 @@ def diagnose(
 
     with results_folder(out, WRITTEN):
         told = diagnose_logs(
-            model, logs, out, without or (), seed, jobs, cutoff, payload or (), map, chosen.choice()
+            model,
+            logs,
+            out,
+            without or (),
+            seed,
+            jobs,
+            cutoff,
+            payload or (),
+            map,
+            chosen.choice(),
+            look.joint_names,
         )
     # It is imported by then, behind the closed loop.
     from diagnosis.report import print_summary

@@ -101,6 +101,8 @@ class _Child:
 
 _child: _Child | None = None
 _one_at_a_time = threading.Lock()
+# Files that a function hung or crashed on, as they were then, and in what way: once is enough to wait.
+_broke: dict[tuple[object, ...], str] = {}
 
 
 def begin() -> None:
@@ -114,11 +116,14 @@ def contained(function: str, path: Path, field: str, expected: str, *arguments: 
 
     Arguments and the value are plain values, arrays, or what wire.py lists. size: bytes to read, which may
     take as long as a slow disk does. Raises InputError, of ``field`` and ``expected``, where the function
-    raises anything, ends the process, or takes too long or too much memory.
+    raises anything, ends the process, or takes too long or too much memory; at once where it did so before.
     """
     global _child
     seconds = PATIENCE + size / SLOWEST_DISK
     with _one_at_a_time:
+        known = (function, *_state(path))
+        if known in _broke:
+            raise InputError(path, field, expected, _broke[known])
         child = _started()
         try:
             done, value = child.ask(function, (str(path), *arguments), seconds)
@@ -128,6 +133,8 @@ def contained(function: str, path: Path, field: str, expected: str, *arguments: 
             child.end()
             if got is None:
                 raise
+            if not isinstance(error, MemoryError):
+                _broke[known] = got
             raise InputError(path, field, expected, got) from None
     if done:
         return value
@@ -136,6 +143,15 @@ def contained(function: str, path: Path, field: str, expected: str, *arguments: 
     # What a library leaves behind after such a file may trouble the next one.
     end()
     raise InputError(path, field, expected, value)
+
+
+def _state(path: Path) -> tuple[object, ...]:
+    """The file and when it was changed; whatever cannot be looked at is its name alone."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        return (str(path.absolute()),)
+    return str(path.absolute()), status.st_ino, status.st_mtime_ns, status.st_size
 
 
 def _why(error: BaseException, child: _Child, seconds: float) -> str | None:

@@ -73,6 +73,23 @@ def test_what_goes_wrong_is_one_line(work: str, says: str, monkeypatch: pytest.M
     assert str(error.value).startswith("strange.h5: log: expected a log, got ")
 
 
+def test_a_file_that_broke_the_reader_is_refused_at_once_until_it_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "strange.h5"
+    path.write_text("one")
+    with pytest.raises(InputError, match="crashes on"):
+        contained(HERE + "crash", path, "log", "a log")
+    monkeypatch.setattr(child, "_started", lambda: pytest.fail("it was tried again"))
+    with pytest.raises(InputError, match="crashes on"):
+        contained(HERE + "crash", path, "log", "a log")
+    monkeypatch.undo()
+    path.write_text("another")
+    assert contained(HERE + "double", path, "log", "a log", np.zeros(1))["path"] == str(path)
+    with pytest.raises(InputError, match="crashes on"):
+        contained(HERE + "crash", path, "log", "a log")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="limits of a process are the system's")
 def test_neither_another_file_is_opened_nor_one_written(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text("secret")
