@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.output_error.fit import Fit, Problem
-from identification.output_error.frozen import frozen_fit
+from identification.output_error.fit import Fit
+from identification.output_error.frozen import fit_again
 from identification.output_error.plant import Limb
 from identification.output_error.servo_run import ServoRun
 from testbench.drives.identified import position_rms, split
@@ -31,10 +31,7 @@ def held_out_errors(
     for train, test in (folds, folds[::-1]):
         tables = [given]
         for each in fits:
-            problem = Problem(limb.chain, each.unknowns, train, threads)
-            derivatives, _ = problem.derivatives(each.values, range(each.unknowns.count))
-            again = frozen_fit(limb.chain, each.unknowns, train, each.values, derivatives, threads, 1)
-            tables.append(again.table)
+            tables.append(fit_again(limb.chain, each.unknowns, train, each.values, threads, 1).table)
         for total, table in zip(squares, tables, strict=True):
             total += 0.5 * position_rms(whole, table, test) ** 2
     return [np.sqrt(each) for each in squares]

@@ -7,7 +7,7 @@ batch, as are the trial steps. The differences are tiny: joints that stop make t
 kinks, and one that is crossed passes for information on what is not determined.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,17 +69,13 @@ def fit(
     runs: Sequence[ServoRun],
     start: Array,
     threads: int | None = None,
-    reweightings: int = REWEIGHTINGS,
 ) -> Fit:
-    """The fit of a limb's runs from a start (m,). All runs are sampled at one rate, or each at its own.
-
-    reweightings: how often the residual's weights are taken anew, at most.
-    """
+    """The fit of a limb's runs from a start (m,). All runs are sampled at one rate, or each at its own."""
     problem = Problem(chain, unknown, runs, threads)
     values = problem.simulatable(unknown.held(start))
     weights = problem.weights(values)
     iterations = 0
-    for _ in range(reweightings):
+    for _ in range(REWEIGHTINGS):
         values, taken = _minimised(problem, values, weights)
         iterations += taken
         before, weights = weights, problem.weights(values)
@@ -153,15 +149,10 @@ class Problem:
     def linearised(self, values: Array, weights: Array) -> tuple[Array, Array, float]:
         """Information (n, m, m), gradient (m,) of the runs and their half squares, in the prior's units."""
         m = self.unknown.count
-        information = np.zeros((self._chain.joints, m, m))
-        gradient, total = np.zeros(m), 0.0
-        for run, own in self._groups:
-            for rows, base in self._sensitivities(run, own, values, range(m)):
-                own_information, own_gradient = products(rows, base, weights)
-                information += own_information
-                gradient += own_gradient
-                total += 0.5 * float(np.sum((base * weights) ** 2))
-        return information, gradient, total
+        each = (
+            window for run, own in self._groups for window in self._sensitivities(run, own, values, range(m))
+        )
+        return summed(each, weights, m)
 
     def derivatives(self, values: Array, of: Sequence[int]) -> tuple[list[Array], list[Array]]:
         """Derivatives (M, n, k) by some unknowns, rad a deviation of each, and errors (M, n), by window."""
@@ -238,11 +229,18 @@ class Problem:
         )
 
 
-def products(rows: Array, errors: Array, weights: Array) -> tuple[Array, Array]:
-    """Information (n, m, m) by joint and gradient (m,) of derivatives (M, n, m) and errors (M, n)."""
-    by_joint = np.moveaxis(rows * weights[:, None], 1, 0)
-    gradient = np.einsum("jtm,tj->m", by_joint, errors * weights, optimize=True)
-    return np.swapaxes(by_joint, 1, 2) @ by_joint, np.asarray(gradient)
+def summed(windows: Iterable[tuple[Array, Array]], weights: Array, m: int) -> tuple[Array, Array, float]:
+    """Information (n, m, m) by joint, gradient (m,) and half squares of all windows.
+
+    windows: derivatives (M, n, m) by the unknowns and errors (M, n) of each. weights: (n,).
+    """
+    information, gradient, total = np.zeros((len(weights), m, m)), np.zeros(m), 0.0
+    for rows, errors in windows:
+        by_joint, weighted = np.moveaxis(rows * weights[:, None], 1, 0), errors * weights
+        information += np.swapaxes(by_joint, 1, 2) @ by_joint
+        gradient += np.einsum("jtm,tj->m", by_joint, weighted, optimize=True)
+        total += 0.5 * float(np.sum(weighted**2))
+    return information, gradient, total
 
 
 def _spread(residuals: Sequence[Array]) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain import Chain
-from .fit import GAIN, Fit, Problem, products, trial_steps
+from .fit import GAIN, Fit, Problem, summed, trial_steps
 from .servo_run import ServoRun
 from .unknowns import Unknowns
 
@@ -19,6 +19,19 @@ Array = NDArray[np.float64]
 DAMPING = (1e-3, 0.1, 10.0, 1e3)
 # Steps at most; how often the residual's weights are taken anew.
 STEPS, PASSES = 8, 2
+
+
+def fit_again(
+    chain: Chain,
+    unknown: Unknowns,
+    runs: Sequence[ServoRun],
+    start: Array,
+    threads: int | None = None,
+    passes: int = PASSES,
+) -> Fit:
+    """The fit from a start (m,) that is near its end, with derivatives taken there."""
+    derivatives, _ = Problem(chain, unknown, runs, threads).derivatives(start, range(unknown.count))
+    return frozen_fit(chain, unknown, runs, start, derivatives, threads, passes)
 
 
 def frozen_fit(
@@ -61,12 +74,6 @@ def _linearised(
     problem: Problem, values: Array, weights: Array, derivatives: Sequence[Array], fresh: Sequence[int]
 ) -> tuple[Array, Array, float]:
     """Information (n, m, m), gradient (m,) of the runs and their half squares, in the prior's units."""
-    m = problem.unknown.count
-    information, gradient, total = np.zeros((len(weights), m, m)), np.zeros(m), 0.0
     own, errors = problem.derivatives(values, fresh)
-    for rows, added, error in zip(derivatives, own, errors, strict=True):
-        own_information, own_gradient = products(np.concatenate([rows, added], axis=-1), error, weights)
-        information += own_information
-        gradient += own_gradient
-        total += 0.5 * float(np.sum((error * weights) ** 2))
-    return information, gradient, total
+    whole = (np.concatenate(each, axis=-1) for each in zip(derivatives, own, strict=True))
+    return summed(zip(whole, errors, strict=True), weights, problem.unknown.count)
