@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.data.mended_log import FAST, MOST_LOGGED, SLOWEST
-from diagnosis.data.preparation import CUTOFF, MOST_KEPT, THINNEST, prepare
+from diagnosis.data.mended_log import rate_for
+from diagnosis.data.preparation import CUTOFF, prepare, thinned_by
 from diagnosis.model.library import Sought
 from identification.base_parameters import base_parameters
 from identification.filtering import decimation_step
@@ -105,10 +105,9 @@ def _equations(robot: Robot, case: Case) -> float:
 def _kept(case: Case, joints: int) -> float:
     """Samples that a diagnosis keeps of all runs."""
     seconds = case.runs * case.seconds
-    fast = np.clip(MOST_LOGGED / (seconds * joints), SLOWEST, FAST)
-    rate = case.rate / max(round(case.rate / fast), 1)
+    rate = case.rate / max(round(case.rate / rate_for(joints, seconds)), 1)
     kept = seconds * rate / decimation_step(rate, CUTOFF)
-    return float(kept / np.clip(np.ceil(kept * joints / MOST_KEPT), 1, THINNEST))
+    return kept / thinned_by(joints, kept)
 
 
 def made(case: Case, folder: Path) -> tuple[Path, list[Path]]:

@@ -48,7 +48,11 @@ def mended_log(name: str, recording: Recording, fast: float, lag: TorqueLag) -> 
 
 def fastest(joints: int, recordings: Sequence[Recording]) -> float:
     """The sample rate that these logs of so many joints are looked at, Hz."""
-    seconds = sum(len(each.time) / each.sample_rate for each in recordings)
+    return rate_for(joints, sum(len(each.time) / each.sample_rate for each in recordings))
+
+
+def rate_for(joints: int, seconds: float) -> float:
+    """The same for logs of so many seconds in all."""
     return float(np.clip(MOST_LOGGED / (seconds * joints), SLOWEST, FAST))
 
 

@@ -280,7 +280,12 @@ def _thinning(robot: Robot, logs: Sequence[MendedLog], band: float) -> int:
     rates = [log.motion.sample_rate for log in logs]
     lengths = [len(log.recording.time) for log in logs]
     kept = sum(n / decimation_step(rate, band) for n, rate in zip(lengths, rates, strict=True))
-    return int(np.clip(np.ceil(kept * robot.joints / MOST_KEPT), 1, THINNEST))
+    return thinned_by(robot.joints, kept)
+
+
+def thinned_by(joints: int, kept: float) -> int:
+    """One in how many samples is kept, where the low-pass leaves so many of all runs."""
+    return int(np.clip(np.ceil(kept * joints / MOST_KEPT), 1, THINNEST))
 
 
 def _run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> Run:

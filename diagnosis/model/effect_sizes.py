@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 ELASTIC, CABLE, GAIN = "joint_elasticity", "cable_spring", "torque_gain_error"
 OFFSET, ECCENTRICITY = "encoder_offset", "encoder_eccentricity"
+RIPPLE, ASYMMETRY = "transmission_ripple", "asymmetric_friction"
 # What healthy robots reach, as a multiple of the mild end of the effect's typical range: a tenth of friction
 # differs by direction, and torque and position are sampled up to two milliseconds apart.
 # Small errors of an encoder are what other imperfections of a loaded joint look like.
@@ -27,7 +28,7 @@ HEALTHY: Mapping[str, float] = {
     ELASTIC: 0.35,
     # So are bristles that do not slip at first, but any joint's may yield by a fifth of a milliradian.
     "presliding_hysteresis": 0.4,
-    "asymmetric_friction": 5.0,
+    ASYMMETRY: 5.0,
     "stribeck_friction": 1.0,
     # Any joint loses a tenth of its viscous friction as it warms.
     "thermal_friction_drift": 0.5,
@@ -57,7 +58,7 @@ BRISTLES, SMALLEST_LEVEL, COUNTS = "presliding_hysteresis", 0.55, 2.5
 LARGEST: Mapping[str, float] = {
     # Where no slow sample counts, any Stribeck friction seems to leave a little.
     "stribeck_friction": 5.0,
-    "asymmetric_friction": 5.0,
+    ASYMMETRY: 5.0,
     "presliding_hysteresis": 3.0,
     # A wrist's link may be far lighter than the one that its typical range is stated for.
     ELASTIC: 6.0,
@@ -75,7 +76,6 @@ SPRINGS, HELD = (CABLE, "gravity_spring"), 0.3
 LARGEST_BY_LAW = 3.0
 # N·m are judged against this share of the joint's torque, at least. No motion is free of a ripple of a
 # hundredth: an amplitude of .8 of its share is beyond it.
-RIPPLE, ASYMMETRY = "transmission_ripple", "asymmetric_friction"
 LEAST_SIZES: Mapping[str, float] = {RIPPLE: 0.03, ASYMMETRY: 0.0024}
 LEAST_SIZE = 0.006
 # A spring that holds less than this share of the Coulomb friction may be any cable.

@@ -1,4 +1,4 @@
-"""Runs that differ: another load, other offsets or other friction in one of them."""
+"""Runs that differ: another load, other offsets or other friction in some of them."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,7 +13,7 @@ from identification.springs import spring_torque
 
 from .convention import chain_of, read_by
 from .finding import Finding, Severity
-from .model_fit import LEAST_LEFT, MOST_INDEPENDENT, PER_SECOND
+from .model_fit import FEWEST, LEAST_LEFT, MOST_INDEPENDENT, PER_SECOND
 from .samples import MOST, Samples, slow_samples
 from .subject import Subject
 
@@ -29,8 +29,6 @@ PAYLOAD, OFFSETS, FRICTION = 0.3, 0.15, 0.3
 # A payload is known where its mass is so many of its deviations.
 KNOWN = 3.0
 ITERATIONS = 8
-# Samples in motion of which a joint has fewer say nothing.
-LEAST_SAMPLES = 12
 
 
 @dataclass(frozen=True)
@@ -173,7 +171,7 @@ class _JointFit:
     def _sum_up(self, rows: Array) -> None:
         """Products of each run's rows (N, n, p), a joint that moves enough: all that a fit needs."""
         moves = self.read.moves
-        self.joints = np.flatnonzero(moves.sum(axis=0) >= LEAST_SAMPLES)
+        self.joints = np.flatnonzero(moves.sum(axis=0) >= FEWEST)
         count, p = len(self.joints), rows.shape[2]
         self.xx, self.xy = np.zeros((self.runs, count, p, p)), np.zeros((self.runs, count, p))
         self.yy, self.counts = np.zeros(count), np.zeros(count)

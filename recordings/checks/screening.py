@@ -18,6 +18,7 @@ from identification.parameters import without_friction
 from testbench.robot import Robot
 
 from .convention import Convention, chain_of, mistakes, read_by
+from .model_fit import FEWEST
 from .samples import Samples
 
 Array = NDArray[np.float64]
@@ -32,8 +33,6 @@ PER_MISTAKE = 4.0
 OFF_SCALE, GOES_WITH = 1.2, 0.7
 # Singular values below this share of the largest tell nothing of gravity.
 TELLS = 1e-3
-# Samples in motion that a column needs to count.
-FEWEST = 12
 # What no assignment chooses.
 NEVER = 1e6
 TINY = float(np.finfo(float).tiny)

@@ -2,7 +2,6 @@
 
 import json
 import multiprocessing
-import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from identification.errors import InputError
+from testbench.blas import keep_blas_single
 from testbench.files import read_json, write_json
 from testbench.robot import load_robot
 from testbench.runs import read_runs
@@ -79,7 +79,7 @@ def apart(work: Callable[..., dict[str, Any]], place: Path, *inputs: Any) -> Non
 
 
 def _leave(work: Callable[..., dict[str, Any]], place: Path, *inputs: Any) -> None:
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    keep_blas_single()
     place.parent.mkdir(parents=True, exist_ok=True)
     write_json(work(*inputs), place)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 from diagnosis.servos.diagnose import diagnose_servos
 from identification.output_error.plant import (
@@ -170,8 +170,7 @@ def _share(part: int, count: int) -> str:
     """A share with its 95 % interval (Clopper & Pearson)."""
     if count == 0:
         return "–"
-    low = 0.0 if part == 0 else float(beta.ppf(0.025, part, count - part + 1))
-    high = 1.0 if part == count else float(beta.ppf(0.975, part + 1, count - part))
+    low, high = binomtest(part, count).proportion_ci()
     return f"{part / count:.0%} ({low:.0%} to {high:.0%})"
 
 

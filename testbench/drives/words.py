@@ -12,10 +12,8 @@ from ..terminal import console
 from .differences import NAMES, Difference
 from .document import Errors
 from .identified import Alike, Figure, IdentifiedDrives
-from .shared import SPREAD
+from .shared import DIFFERENT, SPREAD
 
-# A figure of several limbs is one where they would differ by so much, by chance, in one case of twenty.
-DIFFERENT = 0.05
 # Figures of the table, in its order: name, heading, factor.
 SHOWN = (
     ("armature", "armature", 1.0),

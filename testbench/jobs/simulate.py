@@ -56,10 +56,10 @@ def simulate_model(
     ``simulate_along``. A loop that ran away leaves no file.
     """
     require_writable(out, model, trajectory)
-    joint_names, _ = read_trajectory(trajectory)
+    joint_names, motion = read_trajectory(trajectory)
     robot = load_robot(model, choice, joint_names)
     print_notes(robot)
-    motion = motion_for(robot, trajectory)
+    _require_joints(robot, joint_names, trajectory)
     recording, lines = simulate_along(robot, motion, trajectory, periods, options, effects, seed, jobs, noisy)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_log(recording, out)
@@ -73,10 +73,14 @@ def simulate_model(
 def motion_for(robot: Robot, path: Path) -> Trajectory:
     """The motion of a trajectory file. Raises InputError where it is not of the robot's joints."""
     joint_names, motion = read_trajectory(path)
+    _require_joints(robot, joint_names, path)
+    return motion
+
+
+def _require_joints(robot: Robot, joint_names: tuple[str, ...], path: Path) -> None:
     if joint_names != robot.joint_names:
         expected = f"the model's joints {', '.join(robot.joint_names)}"
         raise InputError(path, "joint_names", expected, ", ".join(joint_names))
-    return motion
 
 
 def options_of(

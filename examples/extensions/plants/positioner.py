@@ -94,7 +94,7 @@ class PositionerPlant:
         links, (reference, speed, _) = robot.links, motion
         n, kp, kd = links.joints, 60.0 * links.torque, 2.0 * links.torque
         position, torque = np.empty_like(reference), np.empty_like(reference)
-        matrix, bias, work = np.zeros((n, n)), np.zeros(n), np.zeros((9, n + 2, 3))
+        matrix, bias, work = np.zeros((n, n)), np.zeros(n), np.zeros((8, n + 2, 3))
         q, v, a, before = reference[0].copy(), np.zeros(n), np.zeros(n), np.zeros(n)
         for k in range(len(reference)):
             dynamics(*links.body, q, v, matrix, bias, work)
