@@ -157,7 +157,7 @@ def _gains_in_words(known: Sequence[Difference], names: Sequence[str]) -> str:
     carried = " and ".join(
         f"the {each.mass.value:g} kg that {each.run} carries" for each in known if each.mass
     )
-    by = f"true over reported torque is {', '.join(told)}" if told else "no drive's gain is told"
+    by = f"true over reported torque is {', '.join(told)}" if told else "no drive's gain is determined"
     return f"By {carried}, {by}."
 
 

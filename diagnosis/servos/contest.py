@@ -36,7 +36,7 @@ class Round:
 
 @dataclass(frozen=True)
 class Contest:
-    """A limb's runs, in which effects are sought. without: effects that are not."""
+    """A limb's runs, searched for effects. without: effects that are left out."""
 
     limb: Limb
     runs: Sequence[ServoRun]

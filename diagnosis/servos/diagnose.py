@@ -1,4 +1,4 @@
-"""The diagnosis of position servos: every limb re-identified, its effects sought, held-out halves asked."""
+"""The diagnosis of position servos: limbs re-identified, searched for effects, judged by held-out halves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ DENSE = 1.5
 
 @dataclass(frozen=True)
 class _OfLimb:
-    """What was found at a limb. stated: rounds whose effect is stated. errors: given, parameters, effects."""
+    """Findings at a limb. stated: rounds whose effect is stated. errors: given, parameters, effects."""
 
     limb: Limb
     base: Fit
@@ -232,11 +232,10 @@ def _parameters(found: _OfLimb, each: Weighed, joint: int) -> dict[str, Quantity
 
 def _candidates(found: _OfLimb) -> list[ServoCandidate]:
     names, out = found.limb.chain.joint_names, []
-    stated = {id(each) for each in found.stated}
     for of_round in found.rounds:
         for each in of_round.verdicts.faults:
             place = each.fitted.place
-            if place is None or id(each) in stated:
+            if place is None or each in found.stated:
                 continue
             joint = None if place.joint is None else names[place.joint]
             reason = "in the corrected model, but not stated: see the notes"
@@ -300,7 +299,7 @@ def _regime(square: Array, speed: Array) -> str:
 def _experiment(
     verdict: str, faults: Sequence[ServoFault], candidates: Sequence[ServoCandidate]
 ) -> Experiment | None:
-    """What would separate the stated effect from those like it, or the likeliest candidates."""
+    """The motion that separates the stated effect from those like it, or the likeliest candidates."""
     effects = drive_effects()
     open_fault = next((each for each in faults if each.confusable_with), None)
     if open_fault is not None:

@@ -1,4 +1,4 @@
-"""What a diagnosis of position servos states."""
+"""Findings of a diagnosis of position servos."""
 
 from dataclasses import dataclass
 
@@ -53,7 +53,7 @@ class ServoShare:
 
 @dataclass(frozen=True)
 class Experiment:
-    """What to record next."""
+    """A motion to record next, in words."""
 
     why: str
     separates: tuple[str, ...]

@@ -55,7 +55,7 @@ def grid(effect: DriveEffect) -> Array:
 
 
 def direction(place: Place, sizes: Sizes, joints: int) -> Array:
-    """What one unit of an effect's size adds to the table, (n, WIDTH)."""
+    """Change of the table, (n, WIDTH), by one unit of an effect's size."""
     out = np.zeros((joints, WIDTH))
     own = range(joints) if place.joint is None else [place.joint]
     for joint in own:

@@ -23,10 +23,11 @@ def sentence(diagnosis: ServoDiagnosis) -> str:
     )
     halves = "RMS on halves that were not fitted"
     if diagnosis.verdict == "effect":
+        besides = f" {text}" if (text := beside(diagnosis)) else ""
         names = ", ".join(f"{title(each)} ({each.probability:.0%})" for each in diagnosis.effects)
         return (
             f"The gap comes from {names}: the position error in closed loop falls from {parameters} "
-            f"re-identified to {corrected} {halves}; it is {given} by the model as given.{beside(diagnosis)}"
+            f"re-identified to {corrected} {halves}; it is {given} by the model as given.{besides}"
         )
     if diagnosis.verdict == "none":
         return f"The model as given explains these logs: {given} {halves}, {parameters} re-identified."
@@ -51,10 +52,10 @@ def sentence(diagnosis: ServoDiagnosis) -> str:
 
 
 def beside(diagnosis: ServoDiagnosis) -> str:
-    """A sentence on what acts besides the stated effects, after a blank; empty where nothing is likely."""
+    """A sentence on what acts besides the stated effects; empty where nothing is likely to."""
     if diagnosis.unknown < STATED:
         return ""
-    return f" What is left has a cause that the catalogue lacks ({diagnosis.unknown:.0%})."
+    return f"What is left has a cause that the catalogue lacks ({diagnosis.unknown:.0%})."
 
 
 def title(each: ServoFault) -> str:
@@ -73,7 +74,7 @@ def labelled(effect: str, joint: str | None) -> str:
 
 
 def notes(diagnosis: ServoDiagnosis) -> tuple[str, ...]:
-    """What is to be said beside."""
+    """Sentences on what position alone cannot show, and on effects that are not stated."""
     alike = "Position alone determines ratios of gains, inertia and friction; their scale is the model's."
     return (alike, *diagnosis.notes)
 

@@ -1,1 +1,1 @@
-"""What each rule of the diagnosis earns: every rule neutralised in turn on kept cases."""
+"""Ablation of the rules of the diagnosis: each is neutralised in turn on kept cases."""

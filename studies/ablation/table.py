@@ -1,4 +1,4 @@
-"""What each rule turns, as a table: right to wrong, wrong to right, McNemar's test, costs."""
+"""Answers that each rule turns, as a table: right to wrong, wrong to right, McNemar's test, costs."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -31,7 +31,7 @@ KEPT_FOR: Mapping[str, str] = {
 
 
 def kept_for(place: str) -> str:
-    """What a rule is for that these cases cannot show; empty for any other."""
+    """Purpose of a rule that these cases cannot show; empty for any other."""
     return next((why for start, why in KEPT_FOR.items() if place.startswith(start)), "")
 
 

@@ -8,7 +8,7 @@ PREFIX = "effect "
 
 
 class Scale(Enum):
-    """What a size counts in, at a joint and in the runs at hand."""
+    """Units of a size, at a joint and in the runs at hand."""
 
     ONE = "1"
     # RMS and highest torque of the drive by its law.
