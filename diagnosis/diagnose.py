@@ -84,8 +84,7 @@ def diagnose(
     found = _without_doubtful(found, supported, sines)
     if (alone := _hardly_seen(found, gap)).any() and kept.effects[alone].any():
         # What other joints' motion would make of them was never seen.
-        seen = np.where(alone, 0.0, kept.effects)
-        kept = replace(kept, effects=seen, effects_whole=kept.effects_whole * float(seen.any()))
+        kept = kept.without_effects(alone)
         found = replace(found, accepted=with_support(found.accepted, supported & ~alone))
         effects_left = tuple(np.where(alone, a, b) for a, b in zip(left[1], left[2], strict=True))
         gap = _gap(prepared, final[0], (left[0], left[1], effects_left))
@@ -190,7 +189,7 @@ def _kept(
     stages = nominal, only[1].held_out, final[1].held_out
     kept, supported = shares_kept(stages, at_rest, weights)
     if not with_effects:
-        kept = replace(kept, effects=np.zeros_like(kept.effects), effects_whole=0.0)
+        kept = kept.without_effects(np.ones_like(supported))
     each_run = zip(*stages, strict=True)
     parameters, effects = zip(*(kept.of_torque(*run) for run in each_run), strict=True)
     return kept, supported, (nominal, parameters, effects)

@@ -158,6 +158,8 @@ def correction_document(model: Corrected) -> dict[str, Any]:
         "kept": {
             "parameters": model.kept.parameters.tolist(),
             "effects": model.kept.effects.tolist(),
+            "parameters_at_rest": model.kept.parameters_at_rest.tolist(),
+            "effects_at_rest": model.kept.effects_at_rest.tolist(),
             "parameters_whole": model.kept.parameters_whole,
             "effects_whole": model.kept.effects_whole,
         },
@@ -227,6 +229,11 @@ def _kept(document: Any, joints: int) -> Kept:
     return Kept(
         parameters=np.array(document["parameters"], dtype=np.float64),
         effects=np.array(document["effects"], dtype=np.float64),
+        # Files of earlier versions keep the same share near rest.
+        parameters_at_rest=np.array(
+            document.get("parameters_at_rest", document["parameters"]), dtype=np.float64
+        ),
+        effects_at_rest=np.array(document.get("effects_at_rest", document["effects"]), dtype=np.float64),
         parameters_whole=float(document["parameters_whole"]),
         effects_whole=float(document["effects_whole"]),
     )
@@ -235,7 +242,7 @@ def _kept(document: Any, joints: int) -> Kept:
 def _shapes(model: Corrected) -> Iterator[tuple[str, Array, tuple[int, ...]]]:
     """Arrays of a corrected model that must be finite, by name, and the shapes that they must have."""
     n = model.chain.joints
-    for name in ("parameters", "effects"):
+    for name in ("parameters", "effects", "parameters_at_rest", "effects_at_rest"):
         yield f"kept {name}", getattr(model.kept, name), (n,)
     yield "band", model.band, (n,)
     for name in LIMITS:

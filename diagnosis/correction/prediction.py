@@ -24,7 +24,7 @@ from testbench.simulation import Reference
 from testbench.simulation.controller import feedforward
 from testbench.torque_lag import TorqueLag
 
-from ..data.preparation import filter_cutoff
+from ..data.preparation import filter_cutoff, near_rest
 from ..fit.linearisation import TRANSMISSIONS
 from ..model.effect_sizes import LAG
 from .corrected_model import Corrected, Term, read_correction
@@ -147,11 +147,12 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     """
     logged = logged_motion(model, recording)
     nominal, *fitted = torque_along(model, logged)
-    as_logged = [model.lag.put_on(torque, logged.sample_rate) for torque in fitted]
+    parameters, corrected = (model.lag.put_on(torque, logged.sample_rate) for torque in fitted)
     # What is known of the log and of friction near rest is no parameter, and is kept.
     known = replace(logged, parameters=model.nominal).predicted
     late = model.lag.put_on(known, logged.sample_rate)
-    torques = (nominal, *model.kept.of_torque(late, *as_logged))
+    at_rest = near_rest(logged, np.minimum(model.band, filter_cutoff(logged.sample_rate)))
+    torques = (nominal, *model.kept.of_torque(late, parameters, corrected, at_rest))
     # A log whose time stamps stray was resampled.
     return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
 

@@ -348,7 +348,7 @@ def _run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> Run:
         rows=base,
         whole=np.ones((len(kept), robot.joints), bool),
         used=np.ones((len(kept), robot.joints), bool),
-        smear=2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1,
+        smear=_smear(rate, cutoffs),
         lost=log.lost,
         torque_step=log.torque_step,
         position_step=log.position_step,
@@ -359,6 +359,18 @@ def _run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> Run:
     whole = np.column_stack([run.apart_from(made_up, j) for j in range(robot.joints)])
     used = np.column_stack([run.away_from(j, DEAD_ZONE) for j in range(robot.joints)])
     return replace(run, whole=whole, used=whole & used & is_moving(log.motion, run.q, log.position_step))
+
+
+def _smear(rate: float, cutoffs: Array) -> NDArray[np.int64]:
+    """Samples (n,) over which the low-pass of each joint spreads what is near rest."""
+    return 2 * np.round(REACH_PERIODS * rate / cutoffs).astype(int) + 1
+
+
+def near_rest(logged: Logged, cutoffs: Array) -> NDArray[np.bool_]:
+    """The samples (N, n) near rest, as far as a low-pass of these corners (n,) Hz spreads them."""
+    slow = np.abs(logged.turning) <= DEAD_ZONE
+    columns = zip(slow.T, _smear(logged.sample_rate, cutoffs).tolist(), strict=True)
+    return np.column_stack([maximum_filter1d(each, samples) for each, samples in columns])
 
 
 def _between(stamps: Array, time: Array, longest: float) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ positive-part James-Stein estimate of a mean: Efron and Morris, JASA 68, 1973).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,80 +32,116 @@ class Kept:
     """Shares, 0 to 1, of what was fitted that is kept.
 
     parameters: (n,) of re-identification's change of the given model's torque, a joint. effects: (n,) of the
-    effects' change of what is left then. parameters_whole, effects_whole: the same for all joints at once, as
-    one set of parameters must have it.
+    effects' change of what is left then. parameters_at_rest, effects_at_rest: (n,) the same near rest, where
+    friction is of no known size. parameters_whole, effects_whole: the same for all joints and samples at
+    once, as one set of parameters must have it.
     """
 
     parameters: Array
     effects: Array
+    parameters_at_rest: Array
+    effects_at_rest: Array
     parameters_whole: float
     effects_whole: float
 
-    def of_torque(self, nominal: Array, parameters: Array, effects: Array) -> tuple[Array, Array]:
-        """Torque, or residual, (N, n) re-identified and with the effects, as far as they are kept."""
-        first = nominal + self.parameters * (parameters - nominal)
-        return first, first + self.effects * (effects - first)
+    def of_torque(
+        self, nominal: Array, parameters: Array, effects: Array, at_rest: Mask | None = None
+    ) -> tuple[Array, Array]:
+        """Torque, or residual, (N, n) re-identified and with the effects, as far as they are kept.
+
+        at_rest: (N, n), the samples near rest; None for none of them.
+        """
+        first_share, second_share = self.parameters, self.effects
+        if at_rest is not None:
+            first_share = np.where(at_rest, self.parameters_at_rest, first_share)
+            second_share = np.where(at_rest, self.effects_at_rest, second_share)
+        first = nominal + first_share * (parameters - nominal)
+        return first, first + second_share * (effects - first)
+
+    def without_effects(self, joints: Mask) -> "Kept":
+        """The same with nothing kept of the effects' change at some joints (n,)."""
+        moving, at_rest = (np.where(joints, 0.0, each) for each in (self.effects, self.effects_at_rest))
+        whole = self.effects_whole * float(moving.any() or at_rest.any())
+        return replace(self, effects=moving, effects_at_rest=at_rest, effects_whole=whole)
 
 
 def everything(joints: int) -> Kept:
     """All of what was fitted."""
-    return Kept(np.ones(joints), np.ones(joints), 1.0, 1.0)
+    all_of_it = np.ones(joints)
+    return Kept(all_of_it, all_of_it, all_of_it, all_of_it, parameters_whole=1.0, effects_whole=1.0)
 
 
 def shares_kept(
     left_out: Sequence[Sequence[Array]], at_rest: Sequence[Sequence[Array]], weights: Array
 ) -> tuple[Kept, Mask]:
-    """Shares to keep, and the joints (n,) that effects predict better at all, however surely.
+    """Shares to keep, and the joints (n,) that effects predict better at all while they move, however surely.
 
     By residuals of samples that were not fitted: (M, n) a run, zero where none counts. left_out: by the model
     as given, re-identified, and with the effects, of runs that were left out, whose errors are never made
     larger. at_rest: the same near rest, where nothing is fitted. weights: (n,) of the joints' squared
-    residuals against each other. A joint of which no sample counts keeps nothing.
+    residuals against each other. A joint of which no sample counts keeps nothing; one that is never near rest
+    keeps the same share there.
     """
+    first, supported, second = _shares(*left_out)
+    first_at_rest, _, second_at_rest = _shares(*at_rest)
+    rested = np.sum([np.sum(run**2, axis=0) for run in at_rest[0]], axis=0) > 0
     stages = [[list(run) for run in zip(*each, strict=True)] for each in zip(left_out, at_rest, strict=True)]
-    given, first, second = ([np.stack(run) for run in stage] for stage in stages)
-    of_first, _ = _share(given, first, np.ones(len(weights)))
-    of_second, best = _share(_moved(given, first, of_first), second, np.ones(len(weights)))
-    whole, _ = _share(given, first, weights, together=True)
-    of_both, _ = _share(_moved(given, first, whole), second, weights, together=True)
-    return Kept(of_first, of_second, float(whole[0]), float(of_both[0])), best > 1 - ALL
+    given, parameters, effects = ([np.stack(run) for run in stage] for stage in stages)
+    whole = _whole_share(given, parameters, weights)
+    of_both = _whole_share(_moved(given, parameters, np.array(whole)), effects, weights)
+    first_at_rest = np.where(rested, first_at_rest, first)
+    second_at_rest = np.where(rested, second_at_rest, second)
+    return Kept(first, second, first_at_rest, second_at_rest, whole, of_both), supported
 
 
-def _moved(before: list[Array], after: list[Array], share: Array) -> list[Array]:
+def _shares(
+    given: Sequence[Array], parameters: Sequence[Array], effects: Sequence[Array]
+) -> tuple[Array, Mask, Array]:
+    """Shares (n,) of the first change; the joints that the second improves at all; shares (n,) of that."""
+    first, _ = _sure_share(*_sums(given, parameters))
+    second, best = _sure_share(*_sums(_moved(given, parameters, first), effects))
+    return first, best > 1 - ALL, second
+
+
+def _moved(before: Sequence[Array], after: Sequence[Array], share: Array) -> list[Array]:
     return [a + share * (b - a) for a, b in zip(before, after, strict=True)]
 
 
-def _share(
-    before: list[Array], after: list[Array], weights: Array, together: bool = False
-) -> tuple[Array, Array]:
-    """Shares (n,) of the change between residuals (2, M, n) of each run; those of the least squared error.
+def _sums(before: Sequence[Array], after: Sequence[Array]) -> tuple[Array, Array]:
+    """Sums of before · change and of change² over the samples of each piece of the runs, (pieces, ..., n).
 
-    together: one of all joints.
+    before, after: residuals (..., M, n) of each run.
     """
     cuts = -(-PIECES // len(before))
     gained, sizes = [], []
     for one, other in zip(before, after, strict=True):
         for piece, changed in zip(
-            np.array_split(one, cuts, axis=1), np.array_split(one - other, cuts, axis=1), strict=True
+            np.array_split(one, cuts, axis=-2), np.array_split(one - other, cuts, axis=-2), strict=True
         ):
-            gained.append(weights * np.einsum("stj,stj->sj", changed, piece))
-            sizes.append(weights * np.einsum("stj,stj->sj", changed, changed))
-    # Sums over the samples of each piece, kind and joint, (pieces, 2, n).
-    gain, power = np.array(gained), np.array(sizes)
-    if together:
-        gain, power = (np.repeat(each.sum(axis=2, keepdims=True), len(weights), 2) for each in (gain, power))
-    tiny = np.finfo(float).tiny
-    best = gain.sum(axis=(0, 1)) / np.maximum(power.sum(axis=(0, 1)), tiny)
-    # Of samples that move alone: what rest leaves is of no model, and says little of the share.
-    gain, power = gain[:, 0], power[:, 0]
-    size = np.maximum(power.sum(axis=0), tiny)
-    moving = gain.sum(axis=0) / size
+            gained.append(np.einsum("...tj,...tj->...j", changed, piece))
+            sizes.append(np.einsum("...tj,...tj->...j", changed, changed))
+    return np.array(gained), np.array(sizes)
+
+
+def _whole_share(before: Sequence[Array], after: Sequence[Array], weights: Array) -> float:
+    """One share of the change of all joints, between residuals (2, M, n) of each run: moving, near rest."""
+    gain, power = (np.sum(weights * each, axis=2) for each in _sums(before, after))
+    # What rest leaves is of no model, and says little of how sure the share is.
+    moving, _ = _sure_share(gain[:, :1], power[:, :1])
+    best = gain.sum() / max(float(power.sum()), float(np.finfo(float).tiny))
+    # The error on runs left out is back where it was at twice its own best share.
+    return float(np.clip(min(moving[0], 2 * best), 0.0, 1.0))
+
+
+def _sure_share(gain: Array, power: Array) -> tuple[Array, Array]:
+    """The share (n,) to keep, and that of the least squared error. gain, power: (pieces, n) of ``_sums``."""
+    size = np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+    best = gain.sum(axis=0) / size
     # Of a ratio of sums, by pieces that differ (Cochran, "Sampling Techniques", 1977, section 6.3).
     pieces = len(gain)
-    error = np.sqrt(pieces / (pieces - 1) * np.sum((gain - moving * power) ** 2, axis=0)) / size
-    doubt = np.divide(error, moving, out=np.ones_like(best), where=moving > error)
+    error = np.sqrt(pieces / (pieces - 1) * np.sum((gain - best * power) ** 2, axis=0)) / size
+    doubt = np.divide(error, best, out=np.ones_like(best), where=best > error)
     sure = best * (1 - doubt**2)
-    # The error on runs left out is back where it was at twice its own best share.
-    most = 2 * moving
     share = np.where(sure >= ALL, 1.0, np.where(sure <= 1 - ALL, 0.0, sure))
-    return np.asarray(np.clip(np.minimum(share, most), 0.0, 1.0)), np.minimum(best, most)
+    # The error is back where it was at twice the best share.
+    return np.asarray(np.clip(np.minimum(share, 2 * best), 0.0, 1.0)), best

@@ -13,7 +13,7 @@ from testbench.effects.signature import Quantity
 from testbench.effects.size import scale_of, typical_range
 from testbench.robot import Robot
 
-from .candidates import Candidate
+from .candidates import DELAY, Candidate
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ HEALTHY: Mapping[str, float] = {
     "stribeck_friction": 1.0,
     # Any joint loses a tenth of its viscous friction as it warms.
     "thermal_friction_drift": 0.5,
-    "torque_delay": 12.0,
+    DELAY: 12.0,
     # Joints of one bus are sampled up to a millisecond apart.
     "actuator_lag": 3.0,
     ECCENTRICITY: 500.0,
@@ -48,9 +48,10 @@ HEALTHY: Mapping[str, float] = {
     "external_contact": 0.0,
 }
 HEALTHY_ELSE = 0.8
-# And all torques of one sample are reported together, whenever within it they acted. A delay of one joint
-# alone is judged as a lag of it.
-LAG, OF_SAMPLE, LATE_ALONE = "actuator_lag", 0.4, 4.5
+# So is the log's own lateness: a torque may be a mean over its sample, or as old as that. Shares of a sample.
+# A delay of one joint alone is judged as a lag of it.
+LAG, LATE_ALONE = "actuator_lag", 4.5
+OF_SAMPLE: Mapping[str, float] = {LAG: 0.5, DELAY: 1.0}
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
 # And an encoder that counts in no less than a part of their displacement looks like them.
 BRISTLES, SMALLEST_LEVEL, COUNTS = "presliding_hysteresis", 0.55, 2.5
@@ -135,16 +136,16 @@ def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, c
         resolved = candidate.member.shape["displacement"] > COUNTS * candidate.position_step[joint]
         if not resolved or coefficients[0] < SMALLEST_LEVEL * scale_of("coulomb", robot, joint):
             return False
-    if name == LAG and coefficients[0] < OF_SAMPLE * candidate.sample_time:
-        return False
     return times_healthy(robot, torque_scale, candidate, coefficients) > 1
 
 
 def times_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
     """Size of an effect as a multiple of the largest on a healthy robot; arguments as of ``size``."""
-    healthy = HEALTHY.get(candidate.family.effect, HEALTHY_ELSE)
-    if candidate.is_late_alone:
-        healthy = LATE_ALONE
+    name = candidate.family.effect
+    healthy = LATE_ALONE if candidate.is_late_alone else HEALTHY.get(name, HEALTHY_ELSE)
+    if name in OF_SAMPLE:
+        mild, _ = typical_range(effect(name).DESCRIPTION.parameters[0], robot, candidate.family.joint)
+        healthy = max(healthy, OF_SAMPLE[name] * candidate.sample_time / mild)
     largest = size(robot, torque_scale, candidate, coefficients)
     return largest / healthy if healthy > 0 else np.inf * largest
 

@@ -34,7 +34,12 @@ def _squares(runs: list[np.ndarray]) -> np.ndarray:
 def test_what_is_kept_is_never_worse_on_runs_left_out(seed: int, parameters: float, effects: float) -> None:
     given_, first, second = _residuals(seed, parameters, effects)
     weights = np.array([1.0, 4.0, 0.25])
-    kept, _ = shares_kept((given_, first, second), _residuals(seed + 1, effects, parameters), weights)
+    at_rest = _residuals(seed + 1, effects, parameters)
+    kept, _ = shares_kept((given_, first, second), at_rest, weights)
+    resting = [kept.of_torque(*run, np.ones((SAMPLES, JOINTS), bool)) for run in zip(*at_rest, strict=True)]
+    slowly, at_last = (list(each) for each in zip(*resting, strict=True))
+    assert np.all(_squares(slowly) <= _squares(at_rest[0]) * (1 + 1e-12))
+    assert np.all(_squares(at_last) <= _squares(slowly) * (1 + 1e-12))
     shrunk, final = zip(
         *(kept.of_torque(*run) for run in zip(given_, first, second, strict=True)), strict=True
     )
@@ -72,12 +77,14 @@ def test_a_joint_of_which_no_sample_counts_stays_as_the_model_has_it() -> None:
     np.testing.assert_array_equal(final[:, 1], torque[:, 1])
 
 
-def test_what_only_harms_near_rest_is_kept_less() -> None:
+def test_what_only_harms_near_rest_is_kept_while_the_joint_moves() -> None:
     given_ = [np.random.default_rng(5).standard_normal((80, JOINTS))]
     halved = [0.5 * given_[0]]
     harmed = [given_[0], given_[0], 4.0 * given_[0]]
-    kept, _ = shares_kept((given_, given_, halved), [[each] for each in harmed], np.ones(JOINTS))
-    np.testing.assert_array_equal(kept.effects, np.zeros(JOINTS))
+    kept, better = shares_kept((given_, given_, halved), [[each] for each in harmed], np.ones(JOINTS))
+    np.testing.assert_array_equal(kept.effects, np.ones(JOINTS))
+    np.testing.assert_array_equal(kept.effects_at_rest, np.zeros(JOINTS))
+    assert better.all()
 
 
 def test_what_some_runs_speak_for_and_others_against_is_not_kept() -> None:

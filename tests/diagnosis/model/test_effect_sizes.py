@@ -182,15 +182,25 @@ def test_friction_that_bends_more_is_larger_however_fast_the_joint_moves(tmp_pat
         assert times[1] == pytest.approx(2 * times[0])
 
 
-@pytest.mark.parametrize(("samples", "expected"), [(0.2, False), (0.8, True)])
-def test_a_lag_of_less_than_a_share_of_a_sample_is_the_logs(tmp_path, samples, expected):
+@pytest.mark.parametrize(
+    ("effect", "parameter", "samples", "expected"),
+    [
+        ("actuator_lag", "time_constant", 0.4, False),
+        ("actuator_lag", "time_constant", 0.8, True),
+        ("torque_delay", "delay", 0.8, False),
+        ("torque_delay", "delay", 1.3, True),
+    ],
+)
+def test_what_is_late_by_less_than_a_share_of_a_sample_is_the_logs(
+    tmp_path, effect, parameter, samples, expected
+):
     arm = small_arm(tmp_path)
     prepared = prepare(arm, simulated_runs(arm, [], runs=1))
-    lag = candidates(prepared, only=["actuator_lag"])[0]
+    lag = candidates(prepared, only=[effect])[0]
     slow = replace(lag, sample_time=0.01)
     wanted = min(
         np.geomspace(1e-4, 1.0, 400),
-        key=lambda c: abs(quantities(slow, np.full(lag.count, c))["time_constant"].value - samples * 0.01),
+        key=lambda c: abs(quantities(slow, np.full(lag.count, c))[parameter].value - samples * 0.01),
     )
     assert is_beyond_healthy(arm, ground(prepared).torque_rms, slow, np.full(lag.count, wanted)) == expected
 

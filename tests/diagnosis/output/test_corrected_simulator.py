@@ -43,7 +43,7 @@ def test_injections_carry_the_named_values(answer: Diagnosis) -> None:
 
 
 def test_the_file_has_as_much_of_what_was_fitted_as_is_kept(answer: Diagnosis, robot: Robot) -> None:
-    some = replace(answer, kept=Kept(np.full(3, 0.5), np.full(3, 0.25), 0.5, 0.25))
+    some = replace(answer, kept=Kept(*2 * (np.full(3, 0.5), np.full(3, 0.25)), 0.5, 0.25))
     whole, half = corrected_simulator(answer), corrected_simulator(some)
     extra = [each.effects[0].values["extra"] for each in (whole, half)]
     assert extra[1] == pytest.approx(0.25 * extra[0])
@@ -52,7 +52,7 @@ def test_the_file_has_as_much_of_what_was_fitted_as_is_kept(answer: Diagnosis, r
     halfway = base.values(robot.parameters + 0.5 * fitted)
     moved = base.values(reidentified_simulator(some).standard)
     assert np.abs(moved - halfway).max() < 0.05 * np.abs(halfway).max()
-    none = replace(answer, kept=Kept(np.zeros(3), np.zeros(3), 0.0, 0.0))
+    none = replace(answer, kept=Kept(*np.zeros((4, 3)), 0.0, 0.0))
     assert corrected_simulator(none).effects == ()
     np.testing.assert_allclose(corrected_simulator(none).standard, robot.parameters, rtol=1e-3, atol=1e-4)
 

@@ -6,10 +6,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter1d
 
 from diagnosis.correction.corrected_model import Term, corrected_model
 from diagnosis.correction.prediction import logged_motion, predict, predict_torque, term_torque
+from diagnosis.data.preparation import DEAD_ZONE
 from diagnosis.decision.findings import Diagnosis
+from diagnosis.held_out.shrinkage import Kept
 from identification.filtering import zero_phase_lowpass
 from identification.inverse_dynamics import inverse_dynamics
 from identification.parameters import COULOMB, PER_JOINT, VISCOUS
@@ -64,11 +67,31 @@ def test_a_joint_of_which_nothing_is_kept_is_predicted_as_the_model_given_has_it
     runs: dict[str, Recording], answer: Diagnosis
 ) -> None:
     model = corrected_model(answer)
-    half = replace(model.kept, parameters=np.array([0.0, 1.0, 0.5]), effects=np.array([0.0, 1.0, 1.0]))
+    shares = np.array([0.0, 1.0, 0.5]), np.array([0.0, 1.0, 1.0])
+    half = Kept(*shares, *shares, parameters_whole=1.0, effects_whole=1.0)
     whole, shrunk = (predict_torque(each, runs["run_3"]) for each in (model, replace(model, kept=half)))
     np.testing.assert_array_equal(shrunk.corrected[:, 0], whole.nominal[:, 0])
     np.testing.assert_allclose(shrunk.corrected[:, 1], whole.corrected[:, 1])
     np.testing.assert_allclose(shrunk.parameters[:, 2], (whole.nominal + whole.parameters)[:, 2] / 2)
+
+
+def test_what_is_kept_near_rest_alone_changes_only_samples_near_rest(
+    runs: dict[str, Recording], answer: Diagnosis
+) -> None:
+    model = corrected_model(answer)
+    nothing_at_rest = replace(model.kept, parameters_at_rest=np.zeros(3), effects_at_rest=np.zeros(3))
+    whole, moving = (
+        predict_torque(each, runs["run_3"]) for each in (model, replace(model, kept=nothing_at_rest))
+    )
+    velocity = np.abs(logged_motion(model, runs["run_3"]).dq)
+    resting = velocity <= DEAD_ZONE
+    assert resting.any()
+    np.testing.assert_array_equal(moving.corrected[resting], whole.nominal[resting])
+    # The low-pass of the fit spreads what is near rest over a period of its corner.
+    spread = int(2 * 1000 / model.band.min())
+    fast = ~maximum_filter1d(resting, spread, axis=0)
+    assert fast.any()
+    np.testing.assert_array_equal(moving.corrected[fast], whole.corrected[fast])
 
 
 def test_prediction_never_reads_the_logs_torque(
