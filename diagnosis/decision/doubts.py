@@ -1,6 +1,6 @@
 """Why an effect that was fitted is not reported as a cause: held-out runs, bounds and deviations say no."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 
 from testbench.effects import effect
 
-from ..model.effect_sizes import sizes
+from ..model.effect_sizes import PAYLOAD, sizes
 from ..plausibility.accepted import Accepted
 from .findings import NamedEffect
 
 # Of a bound, relative: nearer than this a value is at it.
 AT_BOUND = 1e-3
+# Other parameters that an effect is known by: of a payload that turns about a vertical axis alone, the mass
+# may stay open.
+KNOWN_BY: Mapping[str, tuple[str, ...]] = {PAYLOAD: ("first_moment",)}
 NOT_PREDICTED = "fitted, but runs that were left out are predicted no better with it"
 AT_ITS_BOUND = "fitted, but at the bound of what it may be: these runs do not tell its size"
 UNCERTAIN = "fitted, but its size is less than its own standard deviation"
@@ -60,7 +63,9 @@ def doubt(named: NamedEffect) -> str:
     ]
     if not numbers:
         return ""
-    if all(abs(value) < deviation for _, value, deviation in numbers):
+    also = [named.parameters[name] for name in KNOWN_BY.get(named.effect, ()) if name in named.parameters]
+    is_known = any(np.any(np.abs(each.value) >= np.asarray(each.std)) for each in also)
+    if not is_known and all(abs(value) < deviation for _, value, deviation in numbers):
         return UNCERTAIN
     reached = (
         np.isfinite(bound) and bound != 0 and abs(value - bound) <= AT_BOUND * abs(bound)

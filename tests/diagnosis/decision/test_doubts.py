@@ -18,7 +18,7 @@ from diagnosis.plausibility.accepted import Accepted
 from testbench.effects.signature import Quantity
 
 
-def _named(effect: str, **parameters: tuple[float, float]) -> Any:
+def _named(effect: str, **parameters: tuple[Any, Any]) -> Any:
     quantities = {name: Quantity(value, std, "-") for name, (value, std) in parameters.items()}
     return SimpleNamespace(effect=effect, parameters=quantities)
 
@@ -33,6 +33,9 @@ def _named(effect: str, **parameters: tuple[float, float]) -> Any:
         # One of the two may be nothing.
         (_named("joint_coupling", viscous=(0.0, 0.2), coulomb=(2.0, 0.1)), ""),
         (_named("asymmetric_friction", offset=(1.0, 0.1), viscous_difference=(0.1, 0.5)), ""),
+        # About a vertical axis no mass is felt but by its lever.
+        (_named("payload", mass=(1.8, 2.2), first_moment=((0.6, 0.3, 0.0), (0.1, 0.1, 0.7))), ""),
+        (_named("payload", mass=(1.8, 2.2), first_moment=((0.1, 0.1, 0.0), (0.2, 0.2, 0.7))), UNCERTAIN),
     ],
 )
 def test_a_size_at_its_bound_or_less_than_its_deviation_is_doubtful(named, expected):
