@@ -19,7 +19,7 @@ from .decision.doubts import ONE_SINE, TOO_SHORT, doubt, is_too_short, with_supp
 from .decision.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
 from .decision.harmful_effects import without_misleading, without_undetermined
 from .decision.held_out_check import closed_without_a_name, names_that_hold, pushes_that_hold
-from .decision.probability import certainties
+from .decision.probability import STATED, stated_probability
 from .decision.reported_effects import is_how_runs_begin
 from .fit.normal_equations import Fit, rms, standard_values
 from .fit.shape_covariance import covariance_with_shapes
@@ -88,7 +88,7 @@ def diagnose(
         found = replace(found, accepted=with_support(found.accepted, supported & ~alone))
         effects_left = tuple(np.where(alone, a, b) for a, b in zip(left[1], left[2], strict=True))
         gap = _gap(prepared, final[0], (left[0], left[1], effects_left))
-    named, effects = _named_effects(found, gap)
+    named, effects = _named_effects(found)
     if barred is None:
         verdict = _verdict(found, gap)
         sentence = sentence_of(robot, verdict, effects, found.unknown, gap, torque)
@@ -135,20 +135,17 @@ def _hardly_seen(found: Attribution, gap: Gap) -> NDArray[np.bool_]:
     """Joints (n,) that move by themselves, or too little for a cause to be seen, and surely have none."""
     alone = found.prepared.by_itself | ~found.hypothesis.has_enough_samples
     if alone.any() and _verdict(found, gap) == "effect":
-        for each in _named_effects(found, gap)[1]:
+        for each in _named_effects(found)[1]:
             if each.probability >= UNSURE:
                 alone[[joint for joint in (each.joint, each.into) if joint is not None]] = False
     return alone
 
 
-def _named_effects(found: Attribution, gap: Gap) -> tuple[list[int], tuple[NamedEffect, ...]]:
+def _named_effects(found: Attribution) -> tuple[list[int], tuple[NamedEffect, ...]]:
     """The effects that are reported, strongest first, and their places among the accepted ones."""
     named = [index for index, item in enumerate(found.accepted) if item.named]
     named.sort(key=lambda index: -found.accepted[index].score)
-    effects = tuple(_named(found, index) for index in named)
-    probabilities = certainties(effects, gap, len(found.prepared.runs))
-    each_with = zip(effects, probabilities, strict=True)
-    return named, tuple(replace(each, probability=p) for each, p in each_with)
+    return named, tuple(_named(found, index) for index in named)
 
 
 def _without_doubtful(found: Attribution, supported: NDArray[np.bool_], sines: frozenset[int]) -> Attribution:
@@ -252,7 +249,7 @@ def _named(found: Attribution, index: int) -> NamedEffect:
         effect=family.effect,
         joint=family.joint,
         into=family.into,
-        probability=accepted.probability,
+        probability=_stated(found, accepted),
         parameters=family.parameters(member, fitted.values[part], covariance),
         candidate=accepted.candidate,
         confusable_with=tuple(
@@ -264,6 +261,11 @@ def _named(found: Attribution, index: int) -> NamedEffect:
         ),
         held_out_share=accepted.share,
     )
+
+
+def _stated(found: Attribution, item: Accepted) -> float:
+    """The probability of an accepted effect."""
+    return stated_probability(item.fault, item.probability, len(found.prepared.runs))
 
 
 def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandidate, ...]:
@@ -279,7 +281,7 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
                 effect=family.effect,
                 joint=family.joint,
                 into=family.into,
-                probability=told.get(index, 0.0),
+                probability=told.get(index, _stated(found, accepted) if accepted.is_suspected else 0.0),
                 score=accepted.share,
                 reason="" if index in told else _why_not_told(found, accepted),
             )
@@ -319,7 +321,10 @@ def _why_not_told(found: Attribution, item: Accepted) -> str:
     if is_how_runs_begin(found.prepared, item.candidate):
         return "fitted, but only where runs begin, as brakes and friction that still hold are"
     if item.is_everywhere:
-        return "fitted, but hardly larger than other joints' imperfections"
+        return "fitted, but hardly larger than at other joints"
+    if item.is_suspected:
+        likely = f"a fault with {item.fault:.0%}, and stated from {STATED:.0%} on"
+        return f"fitted, but healthy joints may have as much: {likely}"
     if (family.effect, family.joint) in {(each.nearest, each.joint) for each in found.unknown}:
         return "fitted, but leaves too much of the gap"
     if family.joint in {each.joint for each in found.unknown}:

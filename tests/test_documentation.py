@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticUndefined
 
-from diagnosis.plausibility.imperfections import ALIKE
+from diagnosis.decision import probability
 from diagnosis.plausibility.materiality import SMALLEST_SHIFT
 from testbench.cli import app
 from testbench.estimate_file import estimate_document
@@ -200,17 +200,12 @@ def test_a_room_of_the_diagnosis_imports_only_rooms_above_it() -> None:
             assert set(imported) <= set(rooms[: rank + 1]), path
 
 
-def test_the_page_of_decisions_states_the_levels_of_the_code() -> None:
+def test_the_page_of_decisions_states_the_numbers_of_the_code() -> None:
     text = (ROOT / "docs" / "decisions.md").read_text()
-    (rows,) = [rows for head, *rows in tables(text) if "no name where two other joints have" in head]
-    levels = {effect: f"{share:.10g} times as much" for effect, (_, share, _) in ALIKE.items()}
-    words = {
-        "curved and Stribeck friction, ripple": "transmission_ripple",
-        "cable spring": "cable_spring",
-        "gravity spring": "gravity_spring",
-        "friction by load": "load_dependent_friction",
+    (rows,) = [rows for head, *rows in tables(text) if head == ["number", "value", "what it is"]]
+    assert len(rows) == 8
+    assert {name: float(value) for name, value, _ in rows} == {
+        name: getattr(probability, name) for name, *_ in rows
     }
-    assert {words[effect] for effect, _ in rows} == set(words.values())
-    assert [effect for effect, told in rows if not told.startswith(levels[words[effect]])] == []
+    assert f"p = {probability.STATED:.0%} on".replace("%", " %") in text
     assert f"(log-likelihood {SMALLEST_SHIFT:.10g}, and one more for each coefficient" in text
-    assert f"(log-likelihood {ALIKE['gravity_spring'][2]:.10g})" in text

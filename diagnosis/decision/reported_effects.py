@@ -21,9 +21,10 @@ from ..model.candidates import SATURATION, Candidate
 from ..model.effect_sizes import is_beyond_healthy, is_excessive, times_healthy
 from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from ..plausibility.accepted import Accepted, is_rest, without_one
-from ..plausibility.materiality import is_certainly_beyond, is_obvious
+from ..plausibility.materiality import SMALLEST_WALD, is_certainly_beyond
 from ..plausibility.prominence import is_main
 from .found import Found
+from .probability import STATED, Size, fault_probability
 
 Array = NDArray[np.float64]
 
@@ -49,12 +50,11 @@ def accepted_as(
     """
     best, torque_rms = found.best, stage.ground.torque_rms
     own = best.candidate, found.trial[1].values[-best.candidate.count :]
-    obvious = is_obvious(sized, stage, best.gain)
     share = float(stage.shares(best.gain).max())
     # Where an imperfection of healthy size would explain it as well, nothing else need be there.
     as_well = [(w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL]
     beyond = all(is_beyond_healthy(sized, torque_rms, *each) for each in (own, *as_well))
-    beyond = (obvious or beyond) and not is_excessive(sized, *own, share)
+    beyond = beyond and not is_excessive(sized, *own, share)
     beyond = beyond and not is_how_runs_begin(stage.prepared, best.candidate)
     # What a push leaves is where it was.
     firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
@@ -64,7 +64,7 @@ def accepted_as(
     # An effect of the whole robot shows at all joints.
     told = samples.max() if best.candidate.family.joint is not None else samples.sum()
     # Of what re-identification leaves: of what another effect leaves there, little is nearly all.
-    large = obvious or is_certainly_beyond(sized, stage, best.gain)
+    large = is_certainly_beyond(sized, stage, best.gain)
     is_all = large and apart.shares(best.gain).max() > NEARLY_ALL
     enough = told >= (FEWEST_OF_ALL if is_all else FEWEST_INDEPENDENT)
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
@@ -79,7 +79,6 @@ def accepted_as(
         named=bool(beyond and main and certain and enough),
         is_certain=certain,
         is_trace=found.is_trace,
-        by_size=not obvious,
     )
 
 
@@ -149,6 +148,46 @@ def _judged_beside(
     return accepted_as(Found(best, item.rivals, trial), stage, apart, sized, others, rest)
 
 
+def likely_faults(
+    sized: Robot,
+    hypothesis: Design,
+    fitted: Fit,
+    accepted: Sequence[Accepted],
+    open_: Sequence[Weighed],
+) -> list[Accepted]:
+    """The accepted effects with their probabilities of being faults; those too improbable are not reported.
+
+    open_: effects that were not accepted, whose sizes tell as well how imperfect this robot's joints are.
+    """
+    torque_rms = ground(hypothesis.prepared).torque_rms
+
+    def size(candidate: Candidate, coefficients: Array) -> Size:
+        times = times_healthy(sized, torque_rms, candidate, coefficients)
+        return Size(candidate.family.effect, candidate.family.joint, times)
+
+    parts = zip(hypothesis.accepted, hypothesis.parts, strict=True)
+    sizes = [size(candidate, fitted.values[part]) for candidate, part in parts]
+    others = [size(w.candidate, w.gain.coefficients) for w in open_ if w.gain.wald > SMALLEST_WALD]
+    found, before = [], 0.0
+    for item, own in zip(accepted, sizes, strict=True):
+        # Parameters brought back from where earlier effects had moved them speak for nothing.
+        shift = item.shift + min(before, 0.0)
+        before += item.shift
+        fault = fault_probability(own, [*sizes, *others], item.share, shift)
+        withdrawn = item.named and fault < STATED
+        alike = withdrawn and fault_probability(own, (), item.share, shift) >= STATED
+        found.append(
+            replace(
+                item,
+                fault=fault,
+                named=item.named and not withdrawn,
+                is_everywhere=item.is_everywhere or alike,
+                is_suspected=item.is_suspected or withdrawn,
+            )
+        )
+    return found
+
+
 def as_fitted_at_last(
     sized: Robot, hypothesis: Design, fitted: Fit, accepted: Sequence[Accepted]
 ) -> list[Accepted]:
@@ -158,16 +197,10 @@ def as_fitted_at_last(
     robot, or not distinguished from zero.
     """
     found, torque_rms = [], ground(hypothesis.prepared).torque_rms
-    times = [
-        times_healthy(sized, torque_rms, candidate, fitted.values[part])
-        for candidate, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
-    ]
-    for item, part, candidate, size in zip(
-        accepted, hypothesis.parts, hypothesis.accepted, times, strict=True
-    ):
+    for item, part, candidate in zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True):
         own = candidate, fitted.values[part]
         named = item.named and not is_excessive(sized, *own, item.share)
-        named = named and (not item.by_size or size > 1)
+        named = named and times_healthy(sized, torque_rms, *own) > 1
         # A limit that the drive reports leaves no gap, and a push is recognised by its time.
         elsewhere = candidate.is_event or candidate.family.effect == SATURATION
         named = named and (elsewhere or fitted.wald(part) > AT_LAST)

@@ -36,9 +36,10 @@ class Accepted:
     mean squares that it took off the joints' residuals, each by its own torque, summed. shift: log-likelihood
     of the parameters' shift that it spares. named: whether it is larger than on any healthy robot.
     is_certain: whether its size is known well enough for that. is_trace: found by a trace that only shows
-    with every joint's imperfections fitted, or where there are none. is_everywhere: whether other joints are
-    about as imperfect, so that it is not reported. by_size: whether it is reported only because it is larger
-    than on any healthy robot. doubt: why it is no longer reported.
+    with every joint's imperfections fitted, or where there are none. fault: the probability that it is a
+    fault and no imperfection. is_everywhere: whether it is not reported because other joints have as much.
+    is_suspected: whether only that probability speaks against reporting it. doubt: why it is no longer
+    reported.
     """
 
     candidate: Candidate
@@ -51,8 +52,9 @@ class Accepted:
     named: bool = True
     is_certain: bool = True
     is_trace: bool = False
+    fault: float = 1.0
     is_everywhere: bool = False
-    by_size: bool = False
+    is_suspected: bool = False
     doubt: str = ""
 
 

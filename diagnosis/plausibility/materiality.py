@@ -5,8 +5,6 @@ where re-identified parameters absorb it, when it spares them a shift that CAD d
 reported when it is also larger than what every healthy robot has.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,10 +18,8 @@ from ..model.effect_sizes import (
     BENDING,
     ECCENTRICITY,
     ELASTIC,
-    LAG,
     OF_THE_LOAD,
     OFFSET,
-    RIPPLE,
     SPRING,
     is_beyond_healthy,
 )
@@ -67,28 +63,7 @@ SMALLEST_GAIN, BEYOND = 10.0, 3.0
 # enough where it is most of what is left, and its size is certain. So does friction of a load that hardly
 # changes, and an offset, which first moments take up.
 NEAR_REST, LITTLE_TORQUE, MOST_LEFT = "stribeck_friction", 0.002, 0.4
-# Whatever its size in its own terms, no healthy joint has one of these that is this share of its torque and
-# this share of what is left there: less torque, of a larger share. Of a wrist's torque cables may be as much.
-# What other imperfections of a loaded joint make of an encoder's is never most of what is left there.
-OF_THE_JOINT = (
-    "stribeck_friction",
-    "asymmetric_friction",
-    "nonlinear_viscous_friction",
-    "load_dependent_friction",
-    "thermal_friction_drift",
-    "joint_coupling",
-    "backlash",
-    LAG,
-)
 OF_ENCODER = (OFFSET, ECCENTRICITY)
-OBVIOUS: Mapping[str, tuple[tuple[float, float], ...]] = {
-    **dict.fromkeys(OF_THE_JOINT, ((0.04, 0.5), (0.025, 0.8))),
-    # Teeth of a wrist's small gears may make as much of its torque.
-    RIPPLE: ((0.04, 0.5), (0.03, 0.8)),
-    **dict.fromkeys(OF_ENCODER, ((0.005, 0.55),)),
-}
-# But it has this share of a healthy size: a coupling of inertia alone is no shared drive.
-OF_HEALTHY = 0.1
 
 
 def is_material(robot: Robot, stage: Stage, weighed: Weighed, is_best: bool = False) -> bool:
@@ -183,13 +158,3 @@ def is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain, times: float = 1
 def _is_beyond(robot: Robot, stage: Stage, candidate: Candidate, coefficients: Array) -> bool:
     """Whether it is larger than a healthy robot's, by the torques of the stage."""
     return is_beyond_healthy(robot, stage.ground.torque_rms, candidate, coefficients)
-
-
-def is_obvious(robot: Robot, stage: Stage, gain: Gain) -> bool:
-    """Whether it takes more torque off its joint's error than any healthy robot would have there."""
-    levels = OBVIOUS.get(gain.candidate.family.effect, ())
-    if not levels or not _is_beyond(robot, stage, gain.candidate, gain.coefficients / OF_HEALTHY):
-        return False
-    own = list(gain.candidate.member.rows)
-    torque, share = stage.torque_shares(gain)[own], stage.shares(gain)[own]
-    return any(bool(np.any((torque > least) & (share > part))) for least, part in levels)

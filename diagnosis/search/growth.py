@@ -20,6 +20,7 @@ from ..decision.reported_effects import (
     accepted_as,
     as_fitted_at_last,
     judged_again,
+    likely_faults,
     told_apart_at_last,
 )
 from ..fit.likeliest_shapes import after_a_step, at_likeliest_shapes
@@ -42,7 +43,6 @@ from ..plausibility.accepted import (
     without_one,
     without_rests,
 )
-from ..plausibility.imperfections import of_one_joint
 from ..plausibility.materiality import is_material
 from ..plausibility.observability import not_observable
 from ..proposals.flat_top import flat_tops
@@ -165,8 +165,9 @@ def _grown(
     last = stage if hypothesis is stage.hypothesis else Stage(base, hypothesis, fitted)
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, proposals) if w.candidate.place not in taken]
-    accepted = of_one_joint(sized, accepted, open_, last)
-    accepted = of_one_joint(sized, told_apart_at_last(last, sized, accepted, weighed), open_, last)
+    final = last.hypothesis, last.fitted
+    accepted = likely_faults(sized, *final, accepted, open_)
+    accepted = likely_faults(sized, *final, told_apart_at_last(last, sized, accepted, weighed), open_)
     certain = [a.candidate for a in accepted if a.is_certain]
     sure = None if len(certain) == len(accepted) else Stage.of(base, certain)
     imitations = (laws_of_position, one_sided, resonances, vibrations)
@@ -179,6 +180,7 @@ def _grown(
     named = [place for place, item in enumerate(accepted) if item.named]
     hypothesis, fitted = after_a_step(sized, hypothesis, fitted, named)
     accepted = as_fitted_at_last(sized, hypothesis, fitted, accepted)
+    accepted = likely_faults(sized, hypothesis, fitted, accepted, open_)
     unmet = out_of_bounds(sized, hypothesis, fitted, accepted)
     nothing = without_imperfections(sized, original, last, unclaimed(original, last, free, sure), open_)
     misfits = [with_its_period(last, with_its_line(last, each)) for each in nothing]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.data.preparation import prepare
-from diagnosis.decision.probability import DOUBTFUL, NAMED
+from diagnosis.decision.probability import MODEL_HOLDS, ONE_RUN
 from diagnosis.diagnose import diagnose
 from diagnosis.model.candidates import candidates
 from diagnosis.search.growth import CONFUSABLE, attribute
@@ -35,7 +35,7 @@ def test_a_tilt_and_an_offset_of_the_first_joint_are_told_as_one(tmp_path):
     assert {"base_tilt", "encoder_offset"} <= {name for name, share in said.items() if share > CONFUSABLE}
 
 
-@pytest.mark.parametrize(("runs", "level"), [(1, DOUBTFUL[0]), (3, NAMED[0])])
+@pytest.mark.parametrize(("runs", "level"), [(1, ONE_RUN * MODEL_HOLDS), (3, MODEL_HOLDS)])
 def test_a_name_and_its_rivals_share_what_a_name_has(tmp_path, runs, level):
     arm = small_arm(tmp_path, PLANAR)
     tilted = simulated_runs(arm, [parse_injection(arm, "base_tilt::pitch=0.08,roll=0")], runs=runs)
@@ -43,4 +43,4 @@ def test_a_name_and_its_rivals_share_what_a_name_has(tmp_path, runs, level):
     assert "encoder offset or base tilt at shoulder" in found.sentence
     ranked = [each for each in found.ranked if each.probability > CONFUSABLE]
     assert {each.effect for each in ranked} == {"base_tilt", "encoder_offset"}
-    assert sum(each.probability for each in ranked) == pytest.approx(level, abs=0.01)
+    assert 0.95 * level < sum(each.probability for each in ranked) <= level

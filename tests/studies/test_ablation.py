@@ -135,8 +135,7 @@ def test_a_number_and_a_function_are_neutralised() -> None:
     assert math.isinf(module.SMALLEST_WALD)
     module = without("plausibility.materiality.is_large = True")
     assert (module.is_large(), module.SMALLEST_WALD) == (True, 25.0)
-    levels = without("plausibility.materiality.OBVIOUS[1] = 0").OBVIOUS
-    assert levels["backlash"] == ((0.04, 0.0), (0.025, 0.8))
+    assert without("plausibility.materiality.TRANSMISSION_SHARE = 0").TRANSMISSION_SHARE == 0
     assert isinstance(without(None).SMALLEST_WALD, Traced)
 
 

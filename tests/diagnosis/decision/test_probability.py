@@ -1,74 +1,86 @@
-"""How often a name is right, by how well its joint is explained with it."""
-
-from dataclasses import replace
+"""How likely an effect is a fault: by its size, this robot's other joints, and what it explains."""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.special import expit, logit, ndtr
+from scipy.stats import t as student
 
 from diagnosis.data.preparation import prepare
+from diagnosis.decision import probability as model
 from diagnosis.decision.findings import Gap, NamedEffect
-from diagnosis.decision.probability import DEVIATIONS, DOUBTFUL, LEFT, NAMED, certainties
+from diagnosis.decision.probability import MODEL_HOLDS, ONE_RUN, Size, fault_probability, stated_probability
 from diagnosis.model.candidates import candidates
 from diagnosis.report.sentence import sentence_of
 from testbench.effects.signature import Quantity
 
 from ...diagnosed import simulated_runs
 
-ELBOW = 1
+EFFECT, ELBOW = "cable_spring", 1
 
 
 @pytest.fixture(scope="module")
-def named(arm):
-    """Two springs of the elbow that are known well."""
-    own = candidates(prepare(arm, simulated_runs(arm, [], runs=1)), only=["cable_spring"])
-    spring = next(c for c in own if c.family.joint == ELBOW)
-    size = {"stiffness": Quantity(2.0, 0.01, "N·m/rad"), "rest": Quantity(0.1, 0.5, "rad")}
-    return [NamedEffect("cable_spring", ELBOW, None, 1.0, size, spring)] * 2
+def spring(arm):
+    own = candidates(prepare(arm, simulated_runs(arm, [], runs=1)), only=[EFFECT])
+    return next(each for each in own if each.family.joint == ELBOW)
 
 
-def _gap(left):
-    """So many times the floor is left at the elbow, and next to nothing elsewhere."""
-    floor = np.ones(2)
-    return Gap(5 * floor, np.array([2.0, 4.0]), np.array([1.0, left]), floor)
+def _own(times: float) -> Size:
+    return Size(EFFECT, ELBOW, times)
 
 
-def _known_to(named, deviations):
-    """The same, with sizes so many deviations from none."""
-    size = {"stiffness": Quantity(2.0, 2.0 / deviations, "N·m/rad")}
-    return [replace(each, parameters=each.parameters | size) for each in named]
+def test_the_odds_are_those_of_the_formula():
+    size, others, share = 3.0, np.array([0.4, 0.8]), 0.7
+    seen = [Size(EFFECT, joint, times) for joint, times in zip((0, 2), others, strict=True)]
+    variance = 1 / (1 / model.BETWEEN**2 + 2 / model.WITHIN**2)
+    level = variance * (model.LEVEL / model.BETWEEN**2 + np.log(others).sum() / model.WITHIN**2)
+    deviation = np.sqrt(variance + model.WITHIN**2)
+    healthy = student.pdf((np.log(size) - level) / deviation, model.TAILS) / deviation
+    ends = np.log([size, model.LARGEST / size]) / model.WITHIN
+    fault = np.prod(ndtr(ends)) / np.log(model.LARGEST)
+    expected = expit(np.log(model.PRIOR * fault / healthy) + model.EXPLAINED * logit(share))
+    assert fault_probability(_own(size), seen, share, 0.0) == pytest.approx(expected)
 
 
-def test_the_likelier_of_two_names_is_the_surer_one(named):
-    assert certainties(named, _gap(left=1.0), runs=2) == NAMED
-    third = certainties([*named, named[0]], _gap(left=1.0), runs=2)[2]
-    assert third == NAMED[1]
+@given(st.floats(0.05, 10.0), st.floats(1.05, 5.0), st.floats(0.0, 1.0))
+def test_a_larger_effect_is_likelier_a_fault(times: float, factor: float, share: float):
+    one, other = (fault_probability(_own(each), (), share, 0.0) for each in (times, factor * times))
+    # Far below any healthy size the tails of both densities are of no meaning.
+    assert other > one or times < 0.3
 
 
-@pytest.mark.parametrize(
-    ("deviations", "left", "runs", "expected"),
-    [
-        (0.9 * DEVIATIONS, 1.1 * LEFT, 3, DOUBTFUL),
-        # A size that is known, or a joint that is explained, is enough.
-        (1.1 * DEVIATIONS, 1.1 * LEFT, 3, NAMED),
-        (3.0, 0.9 * LEFT, 3, NAMED),
-        # But parts of one run tell less of each other than runs do.
-        (1.1 * DEVIATIONS, 0.9 * LEFT, 1, DOUBTFUL),
-    ],
-)
-def test_a_name_is_doubtful_where_what_is_left_may_be_all_of_it(named, deviations, left, runs, expected):
-    assert certainties(_known_to(named, deviations), _gap(left), runs) == expected
+@given(st.floats(1.0, 10.0), st.floats(0.05, 0.9), st.integers(1, 5))
+def test_what_other_joints_have_less_of_is_likelier_a_fault(times: float, share: float, count: int):
+    def beside(others: float) -> float:
+        seen = [Size(EFFECT, ELBOW + 1 + k, others) for k in range(count)]
+        return fault_probability(_own(times), seen, share, 0.0)
+
+    assert beside(0.1) > beside(times)
 
 
-@pytest.mark.parametrize(("pitch", "expected"), [(0.03, NAMED), (0.01, DOUBTFUL)])
-def test_what_has_no_joint_is_judged_where_most_is_to_explain_and_by_its_largest_size(named, pitch, expected):
-    size = {"roll": Quantity(0.0, 0.001, "rad"), "pitch": Quantity(pitch, 0.001, "rad")}
-    tilt = replace(named[0], effect="base_tilt", joint=None, parameters=size)
-    assert certainties([tilt], _gap(left=1.1 * LEFT), runs=3) == expected[:1]
+def test_only_the_same_effect_at_other_joints_counts():
+    alone = fault_probability(_own(3.0), (), 0.8, 0.0)
+    others = [_own(3.0), Size("gravity_spring", 0, 3.0), Size(EFFECT, 0, np.inf), Size(EFFECT, 2, 0.0)]
+    assert fault_probability(_own(3.0), others, 0.8, 0.0) == alone
+    assert fault_probability(_own(3.0), [Size(EFFECT, 0, 3.0)], 0.8, 0.0) < alone
 
 
-def test_rivals_share_what_a_name_has(named):
-    rivalled = [replace(each, probability=0.6) for each in named]
-    assert certainties(rivalled, _gap(left=1.0), 3) == pytest.approx([0.6 * level for level in NAMED])
+def test_parameters_that_come_nearer_to_the_model_explain_as_a_share_does():
+    absorbed = fault_probability(_own(3.0), (), 0.02, 30.0)
+    assert absorbed == pytest.approx(fault_probability(_own(3.0), (), 1 - np.exp(-3.0), 0.0))
+    nothing = fault_probability(_own(3.0), (), 0.02, 0.0)
+    assert absorbed > fault_probability(_own(3.0), (), 0.02, -30.0) == nothing
+
+
+def test_no_healthy_robot_is_pushed():
+    assert fault_probability(Size("external_contact", 0, np.inf), (), 0.0, 0.0) == 1.0
+
+
+def test_a_name_is_as_sure_as_the_fault_its_rivals_and_its_runs():
+    assert stated_probability(1.0, 1.0, runs=3) == MODEL_HOLDS
+    assert stated_probability(0.9, 0.6, runs=2) == pytest.approx(0.9 * 0.6 * MODEL_HOLDS)
+    assert stated_probability(0.9, 0.6, runs=1) == pytest.approx(ONE_RUN * stated_probability(0.9, 0.6, 2))
 
 
 @pytest.mark.parametrize(
@@ -79,7 +91,11 @@ def test_rivals_share_what_a_name_has(named):
         (0.45, ("gravity_spring",), "cable spring at elbow, cable spring or gravity spring at elbow;"),
     ],
 )
-def test_the_sentence_says_what_is_as_likely_as_not(arm, named, probability, alike, told):
-    first, second = named[0], replace(named[1], probability=probability, confusable_with=alike)
-    sentence = sentence_of(arm, "effect", [first, second], (), _gap(left=1.0), np.full(arm.joints, 10.0))
+def test_the_sentence_says_what_is_as_likely_as_not(arm, spring, probability, alike, told):
+    size = {"stiffness": Quantity(2.0, 0.01, "N·m/rad"), "rest": Quantity(0.1, 0.5, "rad")}
+    first = NamedEffect(EFFECT, ELBOW, None, 1.0, size, spring)
+    second = NamedEffect(EFFECT, ELBOW, None, probability, size, spring, confusable_with=alike)
+    floor = np.ones(2)
+    gap = Gap(5 * floor, np.array([2.0, 4.0]), floor, floor)
+    sentence = sentence_of(arm, "effect", [first, second], (), gap, np.full(arm.joints, 10.0))
     assert sentence.startswith(f"The gap comes from {told}")

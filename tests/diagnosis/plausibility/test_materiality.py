@@ -11,8 +11,7 @@ from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
 from diagnosis.model.base_regressor import ground
 from diagnosis.model.candidates import candidates
-from diagnosis.model.effect_sizes import is_beyond_healthy
-from diagnosis.plausibility.materiality import is_material, is_obvious
+from diagnosis.plausibility.materiality import is_material
 from diagnosis.plausibility.prominence import is_main
 from diagnosis.search.growth import attribute
 from testbench.effects import parse_injection
@@ -32,13 +31,6 @@ def _weighed(arm, text, shape):
     return stage, max(gains, key=lambda gain: gain.objective)
 
 
-@pytest.mark.parametrize(("amplitude", "expected"), [(3.0, True), (0.3, False)])
-def test_what_takes_more_torque_than_any_healthy_joint_has_is_obvious(tmp_path, amplitude, expected):
-    text = f"transmission_ripple:shoulder:amplitude={amplitude},cycles=12"
-    arm = small_arm(tmp_path)
-    assert is_obvious(arm, *_weighed(arm, text, lambda member: True)) == expected
-
-
 @pytest.mark.parametrize(
     ("torque", "left", "expected"), [(0.003, 0.45, True), (0.003, 0.35, False), (0.001, 0.45, False)]
 )
@@ -49,14 +41,6 @@ def test_what_acts_near_rest_need_be_little_torque_where_it_is_much_of_what_is_l
     stage, (own, _) = healthy_stage(arm, "stribeck_friction")
     gain = of_size(arm, stage, own, 2.0, torque, left)
     assert is_material(arm, stage, Weighed(gain, 60.0)) == expected
-
-
-@pytest.mark.parametrize(("friction", "expected"), [(1.0, True), (0.0, False)])
-def test_a_coupling_of_inertia_alone_is_no_shared_drive(tmp_path, friction, expected):
-    arm = small_arm(tmp_path)
-    stage, gain = _weighed(arm, "joint_coupling:shoulder:into=elbow,viscous=1,coulomb=2", lambda member: True)
-    coupled = replace(gain, coefficients=np.array([friction, friction, 0.05]))
-    assert is_obvious(arm, stage, coupled) == expected
 
 
 @pytest.mark.parametrize(("shift", "expected"), [(0.0, True), (-5.0, False)])
@@ -123,9 +107,11 @@ def test_what_no_imperfection_looks_like_need_not_stand_out(tmp_path):
     assert not is_main(arm, stage, stage, Weighed(alike, 30.0), (), ())
 
 
-def test_a_lag_that_makes_most_of_a_joints_error_is_a_drives_however_slow_the_log(tmp_path):
+@pytest.mark.parametrize(("seconds", "expected"), [(0.0038, []), (0.015, [("actuator_lag", 0)])])
+def test_a_lag_of_more_than_a_sample_is_a_drives(tmp_path, seconds, expected):
     arm = small_arm(tmp_path)
-    runs = simulated_runs(arm, [parse_injection(arm, "actuator_lag:shoulder:time_constant=0.0038")], runs=3)
+    injection = parse_injection(arm, f"actuator_lag:shoulder:time_constant={seconds}")
+    runs = simulated_runs(arm, [injection], runs=3)
     slow = {
         name: replace(
             measured_only(run),
@@ -137,7 +123,7 @@ def test_a_lag_that_makes_most_of_a_joints_error_is_a_drives_however_slow_the_lo
     }
     found = attribute(prepare(arm, slow))
     named = [(a.candidate.family.effect, a.candidate.family.joint) for a in found.accepted if a.named]
-    assert named == [("actuator_lag", 0)]
+    assert named == expected
 
 
 @pytest.mark.parametrize(
@@ -207,25 +193,6 @@ def test_a_small_offset_of_the_torque_that_shows_in_the_parameters_alone_may_be_
         coefficients=amount * np.eye(own.count)[0],
     )
     assert is_material(arm, stage, Weighed(taken_up, 30.0)) == expected
-
-
-@pytest.mark.parametrize(
-    ("name", "share", "expected"),
-    [("encoder_offset", 0.6, True), ("encoder_offset", 0.4, False), ("stribeck_friction", 0.6, False)],
-)
-def test_an_encoder_whose_error_is_most_of_what_is_left_is_at_fault_however_small_that_is(
-    tmp_path, name, share, expected
-):
-    arm = small_arm(tmp_path)
-    stage, (own, _) = healthy_stage(arm, name)
-    # A hundredth of the joint's torque.
-    squared = squares(stage, 0.01)[0]
-    stage.held_squares[0] = squared / share
-    gain = replace(
-        stage.gain(own), held_out=np.array([squared, 0.0]), coefficients=0.01 * np.eye(own.count)[0]
-    )
-    assert not is_beyond_healthy(arm, stage.ground.torque_rms, own, 0.3 * gain.coefficients)
-    assert is_obvious(arm, stage, gain) == expected
 
 
 @pytest.mark.parametrize(("delay", "expected"), [(0.004, True), (0.001, False)])
