@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from testbench.effects import effect
 
-from ..model.effect_sizes import PAYLOAD, sizes
+from ..model.effect_sizes import PAYLOAD
 from ..plausibility.accepted import Accepted
 from .findings import NamedEffect
 
@@ -54,8 +54,11 @@ def is_too_short(item: Accepted, has_enough_samples: NDArray[np.bool_]) -> bool:
 
 def doubt(named: NamedEffect) -> str:
     """Why an effect's size is not known well enough to report it as a cause; empty where it is."""
-    known = {parameter.name: parameter for parameter in effect(named.effect).DESCRIPTION.parameters}
-    own = [(known[name], named.parameters[name]) for name in sizes(named.effect) if name in named.parameters]
+    description = effect(named.effect).DESCRIPTION
+    known = {parameter.name: parameter for parameter in description.parameters}
+    own = [
+        (known[each], named.parameters[each]) for each in description.size_names if each in named.parameters
+    ]
     numbers = [
         (parameter, float(quantity.value), float(quantity.std))
         for parameter, quantity in own

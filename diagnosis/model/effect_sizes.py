@@ -13,72 +13,23 @@ from testbench.effects.signature import Quantity
 from testbench.effects.size import scale_of, typical_range
 from testbench.robot import Robot
 
-from .candidates import DELAY, Candidate
+from .candidates import Candidate
 
 Array = NDArray[np.float64]
 
 ELASTIC, CABLE, GAIN = "joint_elasticity", "cable_spring", "torque_gain_error"
 OFFSET, ECCENTRICITY = "encoder_offset", "encoder_eccentricity"
 RIPPLE, ASYMMETRY = "transmission_ripple", "asymmetric_friction"
-# What healthy robots reach, as a multiple of the mild end of the effect's typical range: a tenth of friction
-# differs by direction, and torque and position are sampled up to two milliseconds apart.
-# Small errors of an encoder are what other imperfections of a loaded joint look like.
-HEALTHY: Mapping[str, float] = {
-    # By their first law springs that stiffen are fitted two to three times too stiff.
-    ELASTIC: 0.35,
-    # So are bristles that do not slip at first, but any joint's may yield by a fifth of a milliradian.
-    "presliding_hysteresis": 0.4,
-    ASYMMETRY: 5.0,
-    "stribeck_friction": 1.0,
-    # Any joint loses a tenth of its viscous friction as it warms.
-    "thermal_friction_drift": 0.5,
-    DELAY: 12.0,
-    # Joints of one bus are sampled up to a millisecond apart.
-    "actuator_lag": 3.0,
-    ECCENTRICITY: 500.0,
-    OFFSET: 15.0,
-    # Torque constants are known to two per cent or so, those of the joints beside it too: what is one joint's
-    # gain to the model is their difference.
-    GAIN: 2.2,
-    # Every arm has a dress pack, and it pulls.
-    CABLE: 1.2,
-    # A limit that clips is one, however far from the drive's rating.
-    "torque_saturation": 0.0,
-    # So is a push, however weak.
-    "external_contact": 0.0,
-}
-HEALTHY_ELSE = 0.8
-# So is the log's own lateness: a torque may be a mean over its sample, or as old as that. Shares of a sample.
-# A delay of one joint alone is judged as a lag of it.
-LAG, LATE_ALONE = "actuator_lag", 4.5
-OF_SAMPLE: Mapping[str, float] = {LAG: 0.5, DELAY: 1.0}
+LAG = "actuator_lag"
+# A delay of one joint alone is judged as a lag of it: the multiple that healthy joints reach.
+LATE_ALONE = 4.5
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
 # And an encoder that counts in no less than a part of their displacement looks like them.
 BRISTLES, SMALLEST_LEVEL, COUNTS = "presliding_hysteresis", 0.55, 2.5
-# Beyond this multiple of the severe end no such thing is met on an arm: the fit imitates something else.
-LARGEST: Mapping[str, float] = {
-    # Where no slow sample counts, any Stribeck friction seems to leave a little.
-    "stribeck_friction": 5.0,
-    ASYMMETRY: 5.0,
-    "presliding_hysteresis": 3.0,
-    # A wrist's link may be far lighter than the one that its typical range is stated for.
-    ELASTIC: 6.0,
-    OFFSET: 3.0,
-    ECCENTRICITY: 3.0,
-    GAIN: 3.0,
-    "base_tilt": 3.0,
-    # Cables and counterbalances differ more from arm to arm.
-    CABLE: 10.0,
-    "gravity_spring": 10.0,
-}
 # Springs that hold this share of what the drive can are met on any arm.
 SPRINGS, HELD = (CABLE, "gravity_spring"), 0.3
 # And of a law beside an effect's first, but for cables, which rub and harden as they are.
 LARGEST_BY_LAW = 3.0
-# N·m are judged against this share of the joint's torque, at least. No motion is free of a ripple of a
-# hundredth: an amplitude of .8 of its share is beyond it.
-LEAST_SIZES: Mapping[str, float] = {RIPPLE: 0.03, ASYMMETRY: 0.0024}
-LEAST_SIZE = 0.006
 # A spring that holds less than this share of the Coulomb friction may be any cable.
 SPRING, SPRING_COULOMB = "gravity_spring", 0.1
 OF_THE_LOAD = "load_dependent_friction"
@@ -98,13 +49,7 @@ MOST_BENT, ALL_BUT_ALL = 30.0, 0.95
 PAYLOAD, OF_LAST_LINK, OF_HEAVIEST = "payload", 0.45, 0.01
 # A tool's centre is no farther from the last joint than this share of the arm's length.
 TOOL_REACH = 0.4
-# An effect's size is its first parameter, or the largest of these.
 DIFFERENCE = "viscous_difference"
-_SIZES: Mapping[str, tuple[str, ...]] = {
-    ASYMMETRY: ("offset", DIFFERENCE),
-    "joint_coupling": ("viscous", "coulomb"),
-    "base_tilt": ("roll", "pitch"),
-}
 
 
 def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array, share: float) -> bool:
@@ -131,11 +76,11 @@ def is_beyond_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, c
 
 def times_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
     """Size of an effect as a multiple of the largest on a healthy robot; arguments as of ``size``."""
-    name = candidate.family.effect
-    healthy = LATE_ALONE if candidate.is_late_alone else HEALTHY.get(name, HEALTHY_ELSE)
-    if name in OF_SAMPLE:
-        mild, _ = typical_range(effect(name).DESCRIPTION.parameters[0], robot, candidate.family.joint)
-        healthy = max(healthy, OF_SAMPLE[name] * candidate.sample_time / mild)
+    description = effect(candidate.family.effect).DESCRIPTION
+    healthy = LATE_ALONE if candidate.is_late_alone else description.healthy
+    if description.of_sample:
+        mild, _ = typical_range(description.parameters[0], robot, candidate.family.joint)
+        healthy = max(healthy, description.of_sample * candidate.sample_time / mild)
     largest = size(robot, torque_scale, candidate, coefficients)
     return largest / healthy if healthy > 0 else np.inf * largest
 
@@ -152,9 +97,10 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
         moment = float(np.linalg.norm(values["first_moment"].value))
         return moment <= TOOL_REACH * arm_length(robot.chain) * _number(values["mass"])
     is_first = candidate.member.law is None or family.effect == CABLE
-    largest = LARGEST.get(family.effect) if is_first else LARGEST_BY_LAW
-    if largest is not None:
-        parameter = effect(family.effect).DESCRIPTION.parameters[0]
+    description = effect(family.effect).DESCRIPTION
+    largest = description.largest if is_first else LARGEST_BY_LAW
+    if np.isfinite(largest):
+        parameter = description.parameters[0]
         mild, severe = typical_range(parameter, robot, family.joint)
         amount = _number(values[parameter.name])
         if family.effect == OFFSET and _is_taken_at_its_size(candidate):
@@ -178,11 +124,6 @@ def quantities(candidate: Candidate, coefficients: Array) -> dict[str, Quantity]
     return candidate.family.parameters(candidate.member, coefficients, np.zeros((count, count)))
 
 
-def sizes(name: str) -> tuple[str, ...]:
-    """The parameters of an effect whose largest is its size: its first, or several."""
-    return _SIZES.get(name, (effect(name).DESCRIPTION.parameters[0].name,))
-
-
 def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: Array) -> float:
     """An effect's size as a multiple of the mild end of its typical range on this robot's joint.
 
@@ -191,8 +132,8 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
     family, description = candidate.family, effect(candidate.family.effect).DESCRIPTION
     known = {parameter.name: parameter for parameter in description.parameters}
     values = quantities(candidate, coefficients)
-    largest, least = 0.0, LEAST_SIZES.get(family.effect, LEAST_SIZE)
-    for name in sizes(family.effect):
+    largest, least = 0.0, description.least
+    for name in description.size_names:
         mild, severe = typical_range(known[name], robot, family.joint)
         grows = severe >= mild
         if family.effect == PAYLOAD:

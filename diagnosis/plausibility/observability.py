@@ -11,7 +11,7 @@ from testbench.robot import Robot
 
 from ..fit.likelihood import Weighed
 from ..model.candidates import Candidate
-from ..model.effect_sizes import size, sizes
+from ..model.effect_sizes import size
 from .materiality import SMALLEST_WALD
 
 Array = NDArray[np.float64]
@@ -41,8 +41,9 @@ def not_observable(robot: Robot, weighed: Sequence[Weighed]) -> tuple[tuple[str,
 def _severe(robot: Robot, candidate: Candidate) -> Array | None:
     """Coefficients (k,) of the effect at the severe end; None where a size does not go with them."""
     family, member = candidate.family, candidate.member
-    known = {p.name: p for p in effect(family.effect).DESCRIPTION.parameters}
-    name = sizes(family.effect)[0]
+    description = effect(family.effect).DESCRIPTION
+    known = {p.name: p for p in description.parameters}
+    name = description.size_names[0]
     mild, severe = typical_range(known[name], robot, family.joint)
     if not 0 < mild < severe:
         return None

@@ -38,6 +38,9 @@ DESCRIPTION = EffectDescription(
     laws=("first_order", "second_order"),
     confused_with=("torque_delay", "joint_elasticity"),
     of_friction=True,
+    # Joints of one bus are sampled up to a millisecond apart; a torque may be a mean over its sample.
+    healthy=3.0,
+    of_sample=0.5,
 )
 _, SECOND_ORDER = DESCRIPTION.laws
 # s: time constants of two stages together, of which a column is made; shorter ones are as good as one stage.

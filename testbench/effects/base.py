@@ -41,6 +41,12 @@ class EffectDescription:
     gearboxes, which carry its torque. hinges_only: its law is of an angle. of_friction: its columns are made
     of the joints' friction as far as that is known. or_of_one_joint: an effect of the whole robot that one
     joint may have alone.
+
+    How large it is on arms: sizes: the parameters whose largest is its size, the first where none is given.
+    healthy: what joints of healthy robots reach, as a multiple of the mild end of its typical range; 0 where
+    no healthy robot has any. of_sample: the share of a log's sample that is no more than the log's own
+    lateness. least: N·m are judged against at least this share of the joint's torque. largest: beyond this
+    multiple of the severe end no arm has it, and a fit of more imitates something else.
     """
 
     name: str
@@ -55,6 +61,16 @@ class EffectDescription:
     hinges_only: bool = False
     of_friction: bool = False
     or_of_one_joint: bool = False
+    sizes: tuple[str, ...] = ()
+    healthy: float = 0.8
+    of_sample: float = 0.0
+    least: float = 0.006
+    largest: float = float("inf")
+
+    @property
+    def size_names(self) -> tuple[str, ...]:
+        """The parameters whose largest is its size."""
+        return self.sizes or (self.parameters[0].name,)
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,8 @@ DESCRIPTION = EffectDescription(
     ),
     confused_with=("encoder_offset", "cable_spring", "gravity_spring"),
     loads=True,
+    sizes=("roll", "pitch"),
+    largest=3.0,
 )
 
 

@@ -20,6 +20,9 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("offset", "rad", -0.5, 0.5, (0.0005, 0.05)),),
     confused_with=("encoder_eccentricity", "base_tilt", "gravity_spring", "payload"),
     loads=True,
+    # Small errors of an encoder are what other imperfections of a loaded joint look like.
+    healthy=15.0,
+    largest=3.0,
 )
 
 # A change over a known offset holds from it over this to this times it.

@@ -60,6 +60,8 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("link_force", "world_force", "joint_torque"),
     confused_with=("torque_saturation", "cable_spring"),
+    # A push is one, however weak.
+    healthy=0.0,
 )
 # Parameters of the hook before its table of links, and its state before q and torque: whether a direction
 # is kept, and the force in base axes.

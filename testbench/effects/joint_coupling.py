@@ -45,6 +45,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("coulomb", "smooth"),
     confused_with=("load_dependent_friction",),
+    sizes=("viscous", "coulomb"),
 )
 
 _, SMOOTH = DESCRIPTION.laws

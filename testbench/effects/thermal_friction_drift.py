@@ -48,6 +48,8 @@ DESCRIPTION = EffectDescription(
     laws=("one_node", "two_node"),
     confused_with=("nonlinear_viscous_friction",),
     of_friction=True,
+    # Any joint loses a tenth of its viscous friction as it warms.
+    healthy=0.5,
 )
 
 # Viscosity cannot fall below nothing, however hot.

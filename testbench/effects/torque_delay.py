@@ -36,6 +36,9 @@ DESCRIPTION = EffectDescription(
     confused_with=("actuator_lag", "joint_elasticity"),
     of_friction=True,
     or_of_one_joint=True,
+    # Torque and position are sampled up to two milliseconds apart, and a torque may be as old as a sample.
+    healthy=12.0,
+    of_sample=1.0,
 )
 
 # Seconds. The difference over one of them tells delays up to this factor from it.

@@ -24,6 +24,10 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("relative", "-", -0.5, 0.5, (0.02, 0.15)),),
     confused_with=("payload", "torque_saturation"),
     of_friction=True,
+    # Torque constants are known to two per cent or so, those of the joints beside it too: what is one joint's
+    # gain to the model is their difference.
+    healthy=2.2,
+    largest=3.0,
 )
 
 

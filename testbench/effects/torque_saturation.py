@@ -25,6 +25,8 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("limit", "N·m", 1e-3, np.inf, (0.4, 0.8), "torque_limit"),),
     laws=("clip", "soft"),
     confused_with=("external_contact", "torque_gain_error"),
+    # A limit that clips is one, however far from the drive's rating.
+    healthy=0.0,
 )
 
 # The knee of the soft law; the higher, the sharper.

@@ -51,6 +51,8 @@ DESCRIPTION = EffectDescription(
     laws=(HARMONIC, TWO_WAVES, LOAD_MODULATED),
     confused_with=("encoder_eccentricity", "gravity_spring"),
     of_friction=True,
+    # No motion is free of a ripple of a hundredth: an amplitude of .8 of this share is beyond it.
+    least=0.03,
 )
 
 # Share of a ripple that a joint without load has, where it goes with the load: looked for first.
