@@ -19,7 +19,7 @@ from .decision.doubts import ONE_SINE, TOO_SHORT, doubt, is_too_short, with_supp
 from .decision.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
 from .decision.harmful_effects import without_misleading, without_undetermined
 from .decision.held_out_check import closed_without_a_name, names_that_hold, pushes_that_hold
-from .decision.probability import STATED, stated_probability
+from .decision.probability import STATED
 from .decision.reported_effects import is_how_runs_begin
 from .fit.normal_equations import Fit, rms, standard_values
 from .fit.shape_covariance import covariance_with_shapes
@@ -249,7 +249,7 @@ def _named(found: Attribution, index: int) -> NamedEffect:
         effect=family.effect,
         joint=family.joint,
         into=family.into,
-        probability=_stated(found, accepted),
+        probability=accepted.fault * accepted.probability,
         parameters=family.parameters(member, fitted.values[part], covariance),
         candidate=accepted.candidate,
         confusable_with=tuple(
@@ -263,11 +263,6 @@ def _named(found: Attribution, index: int) -> NamedEffect:
     )
 
 
-def _stated(found: Attribution, item: Accepted) -> float:
-    """The probability of an accepted effect."""
-    return stated_probability(item.fault, item.probability, len(found.prepared.runs))
-
-
 def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandidate, ...]:
     """All candidates that were considered, most probable first.
 
@@ -276,12 +271,13 @@ def _ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandid
     ranked = []
     for index, accepted in enumerate(found.accepted):
         family = accepted.candidate.family
+        suspected = accepted.fault * accepted.probability if accepted.is_suspected else 0.0
         ranked.append(
             RankedCandidate(
                 effect=family.effect,
                 joint=family.joint,
                 into=family.into,
-                probability=told.get(index, _stated(found, accepted) if accepted.is_suspected else 0.0),
+                probability=told.get(index, suspected),
                 score=accepted.share,
                 reason="" if index in told else _why_not_told(found, accepted),
             )

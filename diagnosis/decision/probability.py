@@ -49,18 +49,20 @@ class Size:
     times: float
 
 
-def fault_probability(own: Size, seen: Sequence[Size], share: float, shift: float) -> float:
-    """The probability that an effect is a fault and no imperfection; 1 for what no healthy robot has at all.
+def fault_probability(own: Size, seen: Sequence[Size], share: float, shift: float, runs: int) -> float:
+    """The probability that an effect is a fault and no imperfection, by so many runs.
 
     seen: what was found on this robot; the same effect at other joints counts. share: of its joint's held-out
     squared residual that it explains. shift: log-likelihood of the parameters' shift that it spares.
     """
+    doubts = MODEL_HOLDS * (ONE_RUN if runs == 1 else 1.0)
     if not np.isfinite(own.times):
-        return 1.0
+        # No healthy robot has any of it.
+        return doubts
     others = [each.times for each in seen if each.effect == own.effect and each.joint != own.joint]
     explained = np.clip(max(share, -np.expm1(-max(shift, 0.0) / SHIFT)), NEAREST, 1 - NEAREST)
     log_odds = np.log(PRIOR) + _log_ratio(own.times, np.array(others)) + EXPLAINED * logit(explained)
-    return float(expit(log_odds))
+    return float(doubts * expit(log_odds))
 
 
 def _log_ratio(times: float, others: Array) -> float:
@@ -73,8 +75,3 @@ def _log_ratio(times: float, others: Array) -> float:
     # Both ends of the uniform density are as wide as joints differ.
     fault = log_ndtr(x / WITHIN) + log_ndtr((most - x) / WITHIN) - np.log(most)
     return float(fault - student.logpdf(x, TAILS, level, deviation))
-
-
-def stated_probability(fault: float, among_rivals: float, runs: int) -> float:
-    """The probability of a name, by that of a fault and that among its rivals, with so many runs."""
-    return fault * among_rivals * MODEL_HOLDS * (ONE_RUN if runs == 1 else 1.0)

@@ -159,7 +159,7 @@ def likely_faults(
 
     open_: effects that were not accepted, whose sizes tell as well how imperfect this robot's joints are.
     """
-    torque_rms = ground(hypothesis.prepared).torque_rms
+    torque_rms, runs = ground(hypothesis.prepared).torque_rms, len(hypothesis.prepared.runs)
 
     def size(candidate: Candidate, coefficients: Array) -> Size:
         times = times_healthy(sized, torque_rms, candidate, coefficients)
@@ -173,9 +173,9 @@ def likely_faults(
         # Parameters brought back from where earlier effects had moved them speak for nothing.
         shift = item.shift + min(before, 0.0)
         before += item.shift
-        fault = fault_probability(own, [*sizes, *others], item.share, shift)
+        fault = fault_probability(own, [*sizes, *others], item.share, shift, runs)
         withdrawn = item.named and fault < STATED
-        alike = withdrawn and fault_probability(own, (), item.share, shift) >= STATED
+        alike = withdrawn and fault_probability(own, (), item.share, shift, runs) >= STATED
         found.append(
             replace(
                 item,

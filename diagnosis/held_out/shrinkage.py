@@ -79,28 +79,29 @@ def shares_kept(
     By residuals of samples that were not fitted: (M, n) a run, zero where none counts. left_out: by the model
     as given, re-identified, and with the effects, of runs that were left out, whose errors are never made
     larger. at_rest: the same near rest, where nothing is fitted. weights: (n,) of the joints' squared
-    residuals against each other. A joint of which no sample counts keeps nothing; one that is never near rest
-    keeps the same share there.
+    residuals against each other. A joint of which no sample counts keeps nothing. Near rest the share is that
+    of moving joints, as far as it makes nothing worse there.
     """
-    first, supported, second = _shares(*left_out)
-    first_at_rest, _, second_at_rest = _shares(*at_rest)
-    rested = np.sum([np.sum(run**2, axis=0) for run in at_rest[0]], axis=0) > 0
-    stages = [[list(run) for run in zip(*each, strict=True)] for each in zip(left_out, at_rest, strict=True)]
-    given, parameters, effects = ([np.stack(run) for run in stage] for stage in stages)
-    whole = _whole_share(given, parameters, weights)
-    of_both = _whole_share(_moved(given, parameters, np.array(whole)), effects, weights)
-    first_at_rest = np.where(rested, first_at_rest, first)
-    second_at_rest = np.where(rested, second_at_rest, second)
-    return Kept(first, second, first_at_rest, second_at_rest, whole, of_both), supported
-
-
-def _shares(
-    given: Sequence[Array], parameters: Sequence[Array], effects: Sequence[Array]
-) -> tuple[Array, Mask, Array]:
-    """Shares (n,) of the first change; the joints that the second improves at all; shares (n,) of that."""
+    given, parameters, effects = left_out
     first, _ = _sure_share(*_sums(given, parameters))
     second, best = _sure_share(*_sums(_moved(given, parameters, first), effects))
-    return first, best > 1 - ALL, second
+    resting, parameters_at_rest, effects_at_rest = at_rest
+    first_at_rest = _harmless(first, resting, parameters_at_rest)
+    moved = _moved(resting, parameters_at_rest, first_at_rest)
+    second_at_rest = _harmless(second, moved, effects_at_rest)
+    stages = [[list(run) for run in zip(*each, strict=True)] for each in zip(left_out, at_rest, strict=True)]
+    nominal, fitted, final = ([np.stack(run) for run in stage] for stage in stages)
+    whole = _whole_share(nominal, fitted, weights)
+    of_both = _whole_share(_moved(nominal, fitted, np.array(whole)), final, weights)
+    return Kept(first, second, first_at_rest, second_at_rest, whole, of_both), best > 1 - ALL
+
+
+def _harmless(share: Array, before: Sequence[Array], after: Sequence[Array]) -> Array:
+    """The share (n,) of a change, or less where these residuals (M, n) of each run would be larger for it."""
+    gain, power = (each.sum(axis=0) for each in _sums(before, after))
+    # The error is back where it was at twice the best share.
+    most = np.divide(2 * gain, power, out=np.ones_like(share), where=power > 0)
+    return np.clip(np.minimum(share, most), 0.0, 1.0)
 
 
 def _moved(before: Sequence[Array], after: Sequence[Array], share: Array) -> list[Array]:

@@ -10,14 +10,14 @@ from scipy.stats import t as student
 from diagnosis.data.preparation import prepare
 from diagnosis.decision import probability as model
 from diagnosis.decision.findings import Gap, NamedEffect
-from diagnosis.decision.probability import MODEL_HOLDS, ONE_RUN, Size, fault_probability, stated_probability
+from diagnosis.decision.probability import MODEL_HOLDS, ONE_RUN, Size, fault_probability
 from diagnosis.model.candidates import candidates
 from diagnosis.report.sentence import sentence_of
 from testbench.effects.signature import Quantity
 
 from ...diagnosed import simulated_runs
 
-EFFECT, ELBOW = "cable_spring", 1
+EFFECT, ELBOW, RUNS = "cable_spring", 1, 3
 
 
 @pytest.fixture(scope="module")
@@ -39,13 +39,13 @@ def test_the_odds_are_those_of_the_formula():
     healthy = student.pdf((np.log(size) - level) / deviation, model.TAILS) / deviation
     ends = np.log([size, model.LARGEST / size]) / model.WITHIN
     fault = np.prod(ndtr(ends)) / np.log(model.LARGEST)
-    expected = expit(np.log(model.PRIOR * fault / healthy) + model.EXPLAINED * logit(share))
-    assert fault_probability(_own(size), seen, share, 0.0) == pytest.approx(expected)
+    expected = MODEL_HOLDS * expit(np.log(model.PRIOR * fault / healthy) + model.EXPLAINED * logit(share))
+    assert fault_probability(_own(size), seen, share, 0.0, RUNS) == pytest.approx(expected)
 
 
 @given(st.floats(0.05, 10.0), st.floats(1.05, 5.0), st.floats(0.0, 1.0))
 def test_a_larger_effect_is_likelier_a_fault(times: float, factor: float, share: float):
-    one, other = (fault_probability(_own(each), (), share, 0.0) for each in (times, factor * times))
+    one, other = (fault_probability(_own(each), (), share, 0.0, RUNS) for each in (times, factor * times))
     # Far below any healthy size the tails of both densities are of no meaning.
     assert other > one or times < 0.3
 
@@ -54,33 +54,33 @@ def test_a_larger_effect_is_likelier_a_fault(times: float, factor: float, share:
 def test_what_other_joints_have_less_of_is_likelier_a_fault(times: float, share: float, count: int):
     def beside(others: float) -> float:
         seen = [Size(EFFECT, ELBOW + 1 + k, others) for k in range(count)]
-        return fault_probability(_own(times), seen, share, 0.0)
+        return fault_probability(_own(times), seen, share, 0.0, RUNS)
 
     assert beside(0.1) > beside(times)
 
 
 def test_only_the_same_effect_at_other_joints_counts():
-    alone = fault_probability(_own(3.0), (), 0.8, 0.0)
+    alone = fault_probability(_own(3.0), (), 0.8, 0.0, RUNS)
     others = [_own(3.0), Size("gravity_spring", 0, 3.0), Size(EFFECT, 0, np.inf), Size(EFFECT, 2, 0.0)]
-    assert fault_probability(_own(3.0), others, 0.8, 0.0) == alone
-    assert fault_probability(_own(3.0), [Size(EFFECT, 0, 3.0)], 0.8, 0.0) < alone
+    assert fault_probability(_own(3.0), others, 0.8, 0.0, RUNS) == alone
+    assert fault_probability(_own(3.0), [Size(EFFECT, 0, 3.0)], 0.8, 0.0, RUNS) < alone
 
 
 def test_parameters_that_come_nearer_to_the_model_explain_as_a_share_does():
-    absorbed = fault_probability(_own(3.0), (), 0.02, 30.0)
-    assert absorbed == pytest.approx(fault_probability(_own(3.0), (), 1 - np.exp(-3.0), 0.0))
-    nothing = fault_probability(_own(3.0), (), 0.02, 0.0)
-    assert absorbed > fault_probability(_own(3.0), (), 0.02, -30.0) == nothing
+    absorbed = fault_probability(_own(3.0), (), 0.02, 30.0, RUNS)
+    assert absorbed == pytest.approx(fault_probability(_own(3.0), (), 1 - np.exp(-3.0), 0.0, RUNS))
+    nothing = fault_probability(_own(3.0), (), 0.02, 0.0, RUNS)
+    assert absorbed > fault_probability(_own(3.0), (), 0.02, -30.0, RUNS) == nothing
 
 
 def test_no_healthy_robot_is_pushed():
-    assert fault_probability(Size("external_contact", 0, np.inf), (), 0.0, 0.0) == 1.0
+    assert fault_probability(Size("external_contact", 0, np.inf), (), 0.0, 0.0, RUNS) == MODEL_HOLDS
 
 
-def test_a_name_is_as_sure_as_the_fault_its_rivals_and_its_runs():
-    assert stated_probability(1.0, 1.0, runs=3) == MODEL_HOLDS
-    assert stated_probability(0.9, 0.6, runs=2) == pytest.approx(0.9 * 0.6 * MODEL_HOLDS)
-    assert stated_probability(0.9, 0.6, runs=1) == pytest.approx(ONE_RUN * stated_probability(0.9, 0.6, 2))
+def test_one_run_does_not_show_what_another_would():
+    several, one = (fault_probability(_own(5.0), (), 0.9, 0.0, runs) for runs in (2, 1))
+    assert one == pytest.approx(ONE_RUN * several)
+    assert several < MODEL_HOLDS
 
 
 @pytest.mark.parametrize(
