@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,10 @@ from ..correction.closed_loop_gap import ForwardGap
 from ..correction.corrected_mjcf import Written
 from ..correction.corrected_model import corrected_model, correction_document
 from ..correction.file_error import FileError
-from ..decision.findings import Diagnosis, NamedEffect
+from ..decision.findings import Diagnosis, NamedEffect, RankedCandidate
 from ..experiment.discriminating_motion import NextExperiment
-from ..residual.shares import RegimeShare
+from ..held_out.differing_runs import Difference
+from ..residual.shares import RegimeShare, Share
 
 FORMAT, VERSION = "gap-diagnosis", 1
 
@@ -48,13 +50,8 @@ def diagnosis_document(
     next_experiment: NextExperiment | None = None,
 ) -> dict[str, Any]:
     """Content of diagnosis.json as plain JSON types; candidates sorted, likeliest first."""
-    names, units = diagnosis.robot.joint_names, diagnosis.robot.units()
-
-    def name(joint: int | None) -> str | None:
-        return None if joint is None else names[joint]
-
+    names, name = diagnosis.robot.joint_names, partial(_name, diagnosis)
     ranked = sorted(diagnosis.ranked, key=lambda each: (-each.probability, -each.score))
-    gap = diagnosis.gap
     return {
         "format": FORMAT,
         "format_version": VERSION,
@@ -63,78 +60,19 @@ def diagnosis_document(
         "runs": [run.name for run in diagnosis.prepared.runs],
         "verdict": diagnosis.verdict,
         "sentence": diagnosis.sentence,
-        "effects": [
-            {
-                "effect": each.effect,
-                "joint": name(each.joint),
-                "probability": _number(each.probability),
-                "law": each.law,
-                "parameters": _parameters(each, name(each.into)),
-                "runs": [diagnosis.run_names[run] for run in each.runs],
-                "confusable_with": list(each.confusable_with),
-                "held_out_share": _number(each.held_out_share),
-            }
-            for each in diagnosis.effects
-        ],
-        "candidates": [
-            {
-                "effect": each.effect,
-                "joint": name(each.joint),
-                "into": name(each.into),
-                "probability": _number(each.probability),
-                "score": _number(each.score),
-                "reason": each.reason,
-            }
-            for each in ranked
-        ],
+        "effects": [_effect(diagnosis, each) for each in diagnosis.effects],
+        "candidates": [_candidate(diagnosis, each) for each in ranked],
         "not_observable": [
             {"effect": effect, "joint": name(joint)} for effect, joint in diagnosis.not_observable
         ],
-        "where": [
-            {
-                "joint": names[each.joint],
-                "share": _number(each.share),
-                "regime": each.regime,
-                "gap_rms": _number(each.gap_rms),
-                "noise_rms": _number(each.noise_rms),
-                "unit": units[each.joint],
-                "regimes": [_regime(part) for part in each.regimes],
-            }
-            for each in diagnosis.where
-        ],
-        "gap": {
-            "unit": units[0] if len(set(units)) == 1 else "N·m (N for a slide joint)",
-            "joint_names": list(names),
-            "nominal": _numbers(gap.nominal),
-            "parameters": _numbers(gap.parameters),
-            "effects": _numbers(gap.effects),
-            "noise_floor": _numbers(gap.noise_floor),
-            # Between models that are alike to the noise there is nothing to close.
-            "closed": None if diagnosis.verdict == "none" else _number(gap.closed),
-            "band": _numbers(diagnosis.prepared.cutoff),
-            "over_all_frequencies": {
-                stage: _numbers(gap.over_all(getattr(gap, stage)))
-                for stage in ("nominal", "parameters", "effects")
-            },
-            "intervals": None if gap.intervals is None else _intervals(gap.intervals),
-        },
+        "where": [_where(diagnosis, each) for each in diagnosis.where],
+        "gap": _gap(diagnosis),
         "forward": None if forward is None else _forward(forward),
         "next_experiment": None if next_experiment is None else _experiment(next_experiment),
         "not_in_mjcf": [] if written is None else list(written.lacks),
         "corrected_file": None if written is None else _file_error(written.error),
         "notes": list(diagnosis.notes),
-        "differences": [
-            {
-                "run": each.run,
-                "kind": each.kind,
-                "mass": None if each.mass is None else _quantity(each.mass),
-                "offsets": _numbers(each.offsets),
-                "gains": None if each.gains is None else _numbers(each.gains),
-                "friction": None if each.friction is None else [_numbers(part) for part in each.friction],
-                "deviations": None if each.deviations is None else _numbers(each.deviations),
-            }
-            for each in diagnosis.differences
-        ],
+        "differences": [_difference(each) for each in diagnosis.differences],
         "log_findings": [asdict(each) for each in diagnosis.log_findings],
         "late": _number(diagnosis.prepared.lag.seconds),
         "low_passed": _low_passed(diagnosis.prepared.lag),
@@ -146,6 +84,82 @@ def diagnosis_document(
         "mended": diagnosis.mended,
         "everywhere": [{"effect": effect, "joint": name(joint)} for effect, joint in diagnosis.everywhere],
         "correction": correction_document(corrected_model(diagnosis)),
+    }
+
+
+def _effect(diagnosis: Diagnosis, each: NamedEffect) -> dict[str, Any]:
+    """One reported effect with its parameters."""
+    return {
+        "effect": each.effect,
+        "joint": _name(diagnosis, each.joint),
+        "probability": _number(each.probability),
+        "law": each.law,
+        "parameters": _parameters(each, _name(diagnosis, each.into)),
+        "runs": [diagnosis.run_names[run] for run in each.runs],
+        "confusable_with": list(each.confusable_with),
+        "held_out_share": _number(each.held_out_share),
+    }
+
+
+def _candidate(diagnosis: Diagnosis, each: RankedCandidate) -> dict[str, Any]:
+    """One candidate that was weighed, with the reason why it is not reported."""
+    return {
+        "effect": each.effect,
+        "joint": _name(diagnosis, each.joint),
+        "into": _name(diagnosis, each.into),
+        "probability": _number(each.probability),
+        "score": _number(each.score),
+        "reason": each.reason,
+    }
+
+
+def _name(diagnosis: Diagnosis, joint: int | None) -> str | None:
+    """A joint's name; None for the whole robot."""
+    return None if joint is None else diagnosis.robot.joint_names[joint]
+
+
+def _where(diagnosis: Diagnosis, each: Share) -> dict[str, Any]:
+    """One joint's share of the gap, and the regimes that it follows."""
+    robot = diagnosis.robot
+    return {
+        "joint": robot.joint_names[each.joint],
+        "share": _number(each.share),
+        "regime": each.regime,
+        "gap_rms": _number(each.gap_rms),
+        "noise_rms": _number(each.noise_rms),
+        "unit": robot.units()[each.joint],
+        "regimes": [_regime(part) for part in each.regimes],
+    }
+
+
+def _gap(diagnosis: Diagnosis) -> dict[str, Any]:
+    """RMS torque error of each joint, by stage."""
+    gap, units, stages = diagnosis.gap, diagnosis.robot.units(), ("nominal", "parameters", "effects")
+    return {
+        "unit": units[0] if len(set(units)) == 1 else "N·m (N for a slide joint)",
+        "joint_names": list(diagnosis.robot.joint_names),
+        "nominal": _numbers(gap.nominal),
+        "parameters": _numbers(gap.parameters),
+        "effects": _numbers(gap.effects),
+        "noise_floor": _numbers(gap.noise_floor),
+        # Between models that are alike to the noise there is nothing to close.
+        "closed": None if diagnosis.verdict == "none" else _number(gap.closed),
+        "band": _numbers(diagnosis.prepared.cutoff),
+        "over_all_frequencies": {stage: _numbers(gap.over_all(getattr(gap, stage))) for stage in stages},
+        "intervals": None if gap.intervals is None else _intervals(gap.intervals),
+    }
+
+
+def _difference(each: Difference) -> dict[str, Any]:
+    """How one run differs from the others."""
+    return {
+        "run": each.run,
+        "kind": each.kind,
+        "mass": None if each.mass is None else _quantity(each.mass),
+        "offsets": _numbers(each.offsets),
+        "gains": None if each.gains is None else _numbers(each.gains),
+        "friction": None if each.friction is None else [_numbers(part) for part in each.friction],
+        "deviations": None if each.deviations is None else _numbers(each.deviations),
     }
 
 

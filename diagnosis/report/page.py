@@ -1,5 +1,6 @@
 """report.html of a diagnosis: one page that needs nothing but a browser."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from testbench.robot import Robot
 from ..correction.closed_loop_gap import ForwardGap
 from ..correction.corrected_mjcf import Written
 from ..correction.file_error import FileError
-from ..decision.findings import Diagnosis
+from ..decision.findings import Diagnosis, RankedCandidate
 from ..experiment.discriminating_motion import NextExperiment
 from . import figures, heat_map, signature, words
 
@@ -41,14 +42,12 @@ def render(
 ) -> str:
     """The page as text."""
     robot = diagnosis.robot
-    named = {(each.effect, each.joint, each.into) for each in diagnosis.effects}
     ranked = sorted(diagnosis.ranked, key=lambda each: (-each.probability, -each.score))
-    ruled_out = [each for each in ranked if (each.effect, each.joint, each.into) not in named]
     hidden: dict[str, list[str]] = {}
     for effect, joint in diagnosis.not_observable:
         hidden.setdefault(words.title(effect), []).append(words.place(robot, joint))
     environment = page_environment("diagnosis.report", "testbench.report")
-    gap, densest = diagnosis.gap, words.where(diagnosis)
+    densest = words.where(diagnosis)
     any_likely = any(each.probability >= words.LEAST_SHOWN for each in ranked)
     return environment.get_template("diagnosis.html").render(
         robot=robot.name,
@@ -61,46 +60,15 @@ def render(
         tiles=_tiles(diagnosis),
         where=plot("where", "", heat_map.where(diagnosis)) if densest else None,
         densest=densest,
-        effects=[
-            {
-                "name": words.title(each.effect),
-                "place": words.place(robot, each.joint, each.into),
-                "probability": 100 * each.probability,
-                "share": 100 * each.held_out_share,
-                "parameters": words.parameters(each, diagnosis.run_names),
-                "confusable": words.titles(each.confusable_with) if each.confusable_with else "",
-            }
-            for each in diagnosis.effects
-        ],
+        effects=_effects(diagnosis),
         evidence=plot("evidence", "", figures.evidence(diagnosis)) if any_likely else None,
-        ruled_out=[
-            {
-                "label": words.labelled(robot, each.effect, each.joint, each.into),
-                "probability": 100 * each.probability,
-                "score": each.score,
-                "reason": each.reason,
-            }
-            for each in ruled_out
-        ],
+        ruled_out=_ruled_out(diagnosis, ranked),
         hidden=[(name, ", ".join(places)) for name, places in hidden.items()],
         how_far=[
             plot("waterfall", "All joints", figures.waterfall(diagnosis)),
             plot("gap", "Each joint", figures.gap_by_joint(diagnosis)),
         ],
-        joints=[
-            {
-                "name": name,
-                "unit": unit,
-                "nominal": gap.nominal[joint],
-                "parameters": gap.parameters[joint],
-                "effects": gap.effects[joint],
-                "floor": gap.noise_floor[joint],
-                "is_bound": gap.is_bound(joint),
-                "band": diagnosis.prepared.cutoff[joint],
-                "over_all": gap.over_all(gap.effects)[joint],
-            }
-            for joint, (name, unit) in enumerate(zip(robot.joint_names, robot.units(), strict=True))
-        ],
+        joints=_joints(diagnosis),
         signatures=[
             plot(
                 f"signature-{index}",
@@ -120,17 +88,71 @@ def render(
         barred=diagnosis.barred is not None,
         not_in_mjcf=[] if written is None else list(written.lacks),
         of_file=[] if written is None else _of_file(robot, written.error),
-        notes=[
-            *diagnosis.notes,
-            *words.untold(diagnosis),
-            *words.everywhere(diagnosis),
-            *words.mended(diagnosis),
-            *words.recurrence(diagnosis),
-            *words.noise_unseen(diagnosis),
-            *words.near_rest(diagnosis),
-        ],
+        notes=_notes(diagnosis),
         plotly=Markup(get_plotlyjs()),
     )
+
+
+def _effects(diagnosis: Diagnosis) -> list[dict[str, object]]:
+    """The reported effects, as the page shows them."""
+    return [
+        {
+            "name": words.title(each.effect),
+            "place": words.place(diagnosis.robot, each.joint, each.into),
+            "probability": 100 * each.probability,
+            "share": 100 * each.held_out_share,
+            "parameters": words.parameters(each, diagnosis.run_names),
+            "confusable": words.titles(each.confusable_with) if each.confusable_with else "",
+        }
+        for each in diagnosis.effects
+    ]
+
+
+def _ruled_out(diagnosis: Diagnosis, ranked: Sequence[RankedCandidate]) -> list[dict[str, object]]:
+    """Rows of the candidates that are not reported, with the reason."""
+    named = {(each.effect, each.joint, each.into) for each in diagnosis.effects}
+    return [
+        {
+            "label": words.labelled(diagnosis.robot, each.effect, each.joint, each.into),
+            "probability": 100 * each.probability,
+            "score": each.score,
+            "reason": each.reason,
+        }
+        for each in ranked
+        if (each.effect, each.joint, each.into) not in named
+    ]
+
+
+def _joints(diagnosis: Diagnosis) -> list[dict[str, object]]:
+    """Rows of the joints' torque errors."""
+    gap, robot = diagnosis.gap, diagnosis.robot
+    return [
+        {
+            "name": name,
+            "unit": unit,
+            "nominal": gap.nominal[joint],
+            "parameters": gap.parameters[joint],
+            "effects": gap.effects[joint],
+            "floor": gap.noise_floor[joint],
+            "is_bound": gap.is_bound(joint),
+            "band": diagnosis.prepared.cutoff[joint],
+            "over_all": gap.over_all(gap.effects)[joint],
+        }
+        for joint, (name, unit) in enumerate(zip(robot.joint_names, robot.units(), strict=True))
+    ]
+
+
+def _notes(diagnosis: Diagnosis) -> list[str]:
+    """What else is to be known, a sentence each."""
+    return [
+        *diagnosis.notes,
+        *words.untold(diagnosis),
+        *words.everywhere(diagnosis),
+        *words.mended(diagnosis),
+        *words.recurrence(diagnosis),
+        *words.noise_unseen(diagnosis),
+        *words.near_rest(diagnosis),
+    ]
 
 
 def _of_file(robot: Robot, error: FileError) -> list[dict[str, object]]:

@@ -7,6 +7,7 @@ from plotly.subplots import make_subplots
 
 from testbench.report.style import MUTED, PREDICTED, TEMPLATE, binned_mean, envelope, single
 
+from ..data.preparation import Run
 from ..decision.findings import Diagnosis, NamedEffect
 from .figures import POINTS, scale
 from .reported_limit import reported_limit
@@ -42,55 +43,60 @@ def signature(diagnosis: Diagnosis, named: NamedEffect) -> go.Figure:
         (position, "position, " + ("m" if slide else "rad")),
     )
     figure = make_subplots(rows=1, cols=3, horizontal_spacing=0.07, column_widths=[0.3, 0.3, 0.4])
-    every = slice(None, None, max(1, len(left) // POINTS))
     for column, (x, axis) in enumerate(panels, start=1):
-        where = {"row": 1, "col": column}
-        for name, values, colour, opacity in (
-            ("residual before", left, MUTED, 0.55),
-            ("fitted law", torque, PREDICTED, 0.5),
-        ):
-            figure.add_scattergl(
-                x=single(x[every]),
-                y=single(values[every]),
-                name=name,
-                mode="markers",
-                marker={"size": 3, "color": colour, "opacity": opacity},
-                showlegend=column == 1,
-                **where,
-            )
-        for y, colour, label in ((left, "#3c4650", "its mean"), (torque, "#c25a00", "the law's mean")):
-            centres, means = binned_mean(x, y, BINS, FEWEST)
-            figure.add_scatter(
-                x=single(centres),
-                y=single(means),
-                mode="lines",
-                name=label,
-                line={"color": colour, "width": 2},
-                showlegend=column == 1,
-                **where,
-            )
-        figure.update_xaxes(title=axis, **where)
+        _add_scatter(figure, column, x, left, torque)
+        figure.update_xaxes(title=axis, row=1, col=column)
     run = int(np.argmax([np.sum(torque[:, joint] ** 2) for torque in law]))
-    shown = runs[run]
-    kept = envelope(POINTS, before[run][:, joint], law[run][:, joint])
-    for values, name, colour, width in (
-        (before[run][:, joint], "residual before", MUTED, 1.4),
-        (law[run][:, joint], "fitted law", PREDICTED, 1.4),
+    _add_history(figure, runs[run], joint, before[run][:, joint], law[run][:, joint])
+    figure.update_xaxes(title=f"time in {runs[run].name}, s", row=1, col=3)
+    figure.update_yaxes(title=f"{robot.joint_names[joint]}, {robot.units()[joint]}", row=1, col=1)
+    return figure.update_layout(template=TEMPLATE, height=320, legend_y=1.03)
+
+
+def _add_scatter(figure: go.Figure, column: int, x: Array, left: Array, torque: Array) -> None:
+    """Residual and law (N,) over a quantity x (N,), with the means of both, in one panel."""
+    every, where = slice(None, None, max(1, len(left) // POINTS)), {"row": 1, "col": column}
+    for name, values, colour, opacity in (
+        ("residual before", left, MUTED, 0.55),
+        ("fitted law", torque, PREDICTED, 0.5),
     ):
+        figure.add_scattergl(
+            x=single(x[every]),
+            y=single(values[every]),
+            name=name,
+            mode="markers",
+            marker={"size": 3, "color": colour, "opacity": opacity},
+            showlegend=column == 1,
+            **where,
+        )
+    for y, colour, label in ((left, "#3c4650", "its mean"), (torque, "#c25a00", "the law's mean")):
+        centres, means = binned_mean(x, y, BINS, FEWEST)
+        figure.add_scatter(
+            x=single(centres),
+            y=single(means),
+            mode="lines",
+            name=label,
+            line={"color": colour, "width": 2},
+            showlegend=column == 1,
+            **where,
+        )
+
+
+def _add_history(figure: go.Figure, shown: Run, joint: int, left: Array, torque: Array) -> None:
+    """Residual and law (M,) of one run over its time, in the third panel."""
+    kept = envelope(POINTS, left, torque)
+    for values, name, colour in ((left, "residual before", MUTED), (torque, "fitted law", PREDICTED)):
         masked = np.where(shown.used[:, joint], values, np.nan)[kept]
         figure.add_scatter(
             x=single(shown.time[kept]),
             y=single(masked),
             name=name,
             mode="lines",
-            line={"color": colour, "width": width},
+            line={"color": colour, "width": 1.4},
             showlegend=False,
             row=1,
             col=3,
         )
-    figure.update_xaxes(title=f"time in {shown.name}, s", row=1, col=3)
-    figure.update_yaxes(title=f"{robot.joint_names[joint]}, {robot.units()[joint]}", row=1, col=1)
-    return figure.update_layout(template=TEMPLATE, height=320, legend_y=1.03)
 
 
 def partial_residual(diagnosis: Diagnosis, named: NamedEffect) -> tuple[list[Array], list[Array]]:

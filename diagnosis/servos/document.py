@@ -62,20 +62,25 @@ def servo_document(diagnosis: ServoDiagnosis, not_in_mjcf: tuple[str, ...]) -> d
             }
             for each in diagnosis.where
         ],
-        "gap": {
-            "unit": unit,
-            "joint_names": list(robot.joint_names),
-            "nominal": _numbers(diagnosis.given),
-            "parameters": _numbers(diagnosis.parameters),
-            "effects": _numbers(diagnosis.corrected),
-            "noise_floor": _numbers(diagnosis.noise),
-            "closed": _number(diagnosis.closed),
-        },
+        "gap": _gap(diagnosis, unit),
         "next_experiment": None
         if experiment is None
         else {"why": experiment.why, "separates": list(experiment.separates), "file": None},
         "not_in_mjcf": list(not_in_mjcf),
         "notes": list(notes(diagnosis)),
+    }
+
+
+def _gap(diagnosis: ServoDiagnosis, unit: str) -> dict[str, Any]:
+    """RMS position error of each joint in closed loop, by stage."""
+    return {
+        "unit": unit,
+        "joint_names": list(diagnosis.found.robot.joint_names),
+        "nominal": _numbers(diagnosis.given),
+        "parameters": _numbers(diagnosis.parameters),
+        "effects": _numbers(diagnosis.corrected),
+        "noise_floor": _numbers(diagnosis.noise),
+        "closed": _number(diagnosis.closed),
     }
 
 

@@ -5,9 +5,10 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.decision.probability import MODEL_HOLDS, ONE_RUN
+from diagnosis.decision.ranking import CONFUSABLE
 from diagnosis.diagnose import diagnose
 from diagnosis.model.candidates import candidates
-from diagnosis.search.growth import CONFUSABLE, attribute
+from diagnosis.search.growth import attribute
 from testbench.effects import parse_injection
 
 from ..diagnosed import simulated_runs
