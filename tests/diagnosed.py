@@ -22,7 +22,9 @@ from testbench.effects import effect
 from testbench.effects.base import Injection
 from testbench.log import Recording
 from testbench.robot import Robot
-from testbench.simulation import SensorOptions, SimulationOptions, sample_reference, simulate
+from testbench.simulation import Reference, SensorOptions, SimulationOptions, sample_reference, simulate
+
+from .once import once_per_robot
 
 RATE = 1000.0
 NOT_READ = (
@@ -39,18 +41,34 @@ def simulated_runs(
     robot: Robot, injections: Sequence[Injection], runs: int = 2, noise: float = 0.002, seed: int = 3
 ) -> dict[str, Recording]:
     """Runs of random motions, 18-bit encoders and white torque noise; effects may be in no catalogue."""
+    work = _simulated if injections else _healthy_runs
+    recordings = work(robot, tuple(injections), runs, noise, seed)
+    return {f"run_{index + 1}": recording for index, recording in enumerate(recordings)}
+
+
+@once_per_robot
+def _references(robot: Robot, runs: int, seed: int) -> list[Reference]:
     references = []
     for index in range(runs):
         options = DesignOptions(harmonics=(5, 12, 8)[index % 3], base_frequency=0.2, seed=seed + index)
         motion = random_excitation(robot.chain, robot.parameters, robot.limits, options).trajectory
         references.append(sample_reference(motion, RATE))
+    return references
+
+
+def _simulated(
+    robot: Robot, injections: tuple[Injection, ...], runs: int, noise: float, seed: int
+) -> tuple[Recording, ...]:
     options = SimulationOptions(
         sensors=SensorOptions(encoder_bits=18, slide_resolution=1e-6, torque_noise=noise),
         physics_timestep=5e-4,
-        effects=tuple(injections),
+        effects=injections,
     )
-    recordings = simulate(robot, references, options, seed=seed, beside=OUTSIDE)
-    return {f"run_{index + 1}": recording for index, recording in enumerate(recordings)}
+    return simulate(robot, _references(robot, runs, seed), options, seed=seed, beside=OUTSIDE)
+
+
+# Most tests start from runs without an effect.
+_healthy_runs = once_per_robot(_simulated)
 
 
 def measured_only(run: Recording) -> Recording:

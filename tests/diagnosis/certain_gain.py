@@ -11,6 +11,7 @@ from diagnosis.model.candidates import candidates
 from diagnosis.model.effect_sizes import times_healthy
 
 from ..diagnosed import simulated_runs
+from ..once import once_per_robot
 
 
 def squares(stage, share):
@@ -40,7 +41,12 @@ def of_size(arm, stage, own, times, torque, left):
 
 def healthy_stage(arm, name):
     """The stage of runs without a fault, and the first candidate of this effect at each joint."""
-    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
+    prepared = _prepared(arm)
     every = candidates(prepared, only=[name])
     of_joints = [next(c for c in every if c.family.joint == joint) for joint in range(arm.joints)]
     return Stage.of(ground(prepared), []), of_joints
+
+
+@once_per_robot
+def _prepared(arm):
+    return prepare(arm, simulated_runs(arm, [], runs=2))
