@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.data.decimation import decimating_filters, filtered, filtered_windows
+from diagnosis.data.decimation import decimating_filters, filtered, filtered_in_parts, filtered_windows
 from identification.band import NOISE, joint_bands, position_noise
 from identification.inverse_dynamics import inverse_dynamics
 from identification.signals import Motion
-from testbench.effects.signature import Window, WindowedColumns
+from testbench.effects.signature import AT_ONCE, Window, WindowedColumns
 from testbench.robot import Robot
 from testbench.sampling import motion
 
@@ -105,6 +105,14 @@ def test_what_is_zero_but_in_a_window_is_filtered_like_anything_else(first: int,
     found = filtered_windows(filters, [window], 2000, 4)
     np.testing.assert_allclose(found, filtered(filters, whole), atol=1e-12)
     assert not found[:, :, [0, 3]].any()
+
+
+@pytest.mark.parametrize("samples", [40, 2000, AT_ONCE, 2 * AT_ONCE + 333])
+def test_parts_of_a_run_are_filtered_to_the_bit_like_the_whole(samples: int) -> None:
+    filters = decimating_filters(RATE, np.array([20.0, 8.0]), thinning=3)
+    whole = np.random.default_rng(0).normal(size=(samples, 2, 3))
+    found = filtered_in_parts(filters, lambda part: whole[part], samples, 3)
+    np.testing.assert_array_equal(found, filtered(filters, whole))
 
 
 def test_a_recorded_run_of_eighteen_bits_keeps_its_band(robot: Robot) -> None:

@@ -5,7 +5,7 @@ from a run's ends, so its response to an impulse says it all. Torque and every c
 hypothesis pass the same taps, so what is cut off beyond them cancels out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identification.compiled import njit
 from identification.filtering import decimation_step, zero_phase_lowpass
-from testbench.effects.signature import Window
+from testbench.effects.signature import AT_ONCE, Window
 
 Array = NDArray[np.float64]
 
@@ -59,6 +59,27 @@ def decimating_filters(sample_rate: float, cutoffs: Array, thinning: int = 1) ->
     reach = max(each.reach for each in own.values())
     made = {cutoff: DecimatingFilter(each.taps, step, reach) for cutoff, each in own.items()}
     return tuple(made[cutoff] for cutoff in cutoffs.tolist())
+
+
+def parts(each: DecimatingFilter, samples: int, count: int = 0) -> Iterator[tuple[slice, slice]]:
+    """A run of N samples in parts: the samples that are kept, and those that they are filtered of.
+
+    count: so many are kept of a part; 0 for those of AT_ONCE samples.
+    """
+    kept, count = len(each.kept(samples)), count or max(AT_ONCE // each.step, 1)
+    for first in range(0, kept, count):
+        last = min(first + count, kept)
+        yield slice(first, last), slice(first * each.step, (last - 1) * each.step + 2 * each.reach + 1)
+
+
+def filtered_in_parts(
+    filters: Sequence[DecimatingFilter], make: Callable[[slice], Array], samples: int, count: int
+) -> Array:
+    """The same as ``filtered``, (M, r, k), of k = ``count`` columns that are made a part at a time."""
+    out = np.empty((len(filters[0].kept(samples)), len(filters), count))
+    for kept, part in parts(filters[0], samples):
+        out[kept] = filtered(filters, make(part))
+    return out
 
 
 def filtered(filters: Sequence[DecimatingFilter], columns: Array) -> Array:

@@ -1,7 +1,7 @@
 """From logs to equations: every run filtered once, with what the given model says along it."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -24,7 +24,14 @@ from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.torque_lag import IN_TIME, TorqueLag
 
-from .decimation import DecimatingFilter, decimating_filters, filtered, filtered_windows
+from .decimation import (
+    DecimatingFilter,
+    decimating_filters,
+    filtered,
+    filtered_in_parts,
+    filtered_windows,
+    parts,
+)
 from .mended_log import MendedLog, fastest, mended_log
 from .moving_joints import is_moving
 
@@ -42,8 +49,6 @@ SMALLEST_RUN = 40
 LONGEST_STEP, STEPS = 0.15, 1.6
 # So many samples are kept of what the low-pass leaves, but one in so many at least.
 MOST_KEPT, THINNEST = 150_000, 3
-# Bytes of the regressor at the full rate that are filtered at once; more columns follow.
-MOST_AT_ONCE = 1 << 27
 # Samples whose torque by the model is taken at once.
 AT_ONCE = 1 << 12
 # Where there are fewer runs, blocks of each stand in for them.
@@ -106,6 +111,10 @@ class Run:
     def filtered(self, columns: Array, joints: Sequence[int]) -> Array:
         """Columns (N, r, ...) of r joints at full rate, filtered and decimated like the torque."""
         return filtered([self.filters[joint] for joint in joints], columns)
+
+    def filtered_in_parts(self, make: Callable[[slice], Array], joints: Sequence[int], count: int) -> Array:
+        """The same of columns (N, r, k), k = ``count``, that are made of some samples at a time."""
+        return filtered_in_parts([self.filters[joint] for joint in joints], make, self.logged.samples, count)
 
     def filtered_windows(self, windows: Sequence[Window], joints: Sequence[int], count: int) -> Array:
         """The same of an event's columns (N, r, k): k = ``count``, zero but in these windows."""
@@ -327,14 +336,10 @@ def _run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> Run:
     )
     count = PER_JOINT * robot.joints
     base = tuple(np.empty((len(kept), count - PER_JOINT * joint)) for joint in range(robot.joints))
-    at_once = max(1, MOST_AT_ONCE // signals.q.nbytes)
-    for first in range(0, count, at_once):
-        columns = np.arange(first, min(first + at_once, count))
-        rows = regressor(robot.chain, signals.q, signals.dq, signals.ddq, columns)
+    for decimated, part in parts(filters[0], samples):
+        rows = regressor(robot.chain, signals.q[part], signals.dq[part], signals.ddq[part])
         for joint, own in enumerate(base):
-            loaded = columns >= PER_JOINT * joint
-            if loaded.any():
-                own[:, columns[loaded] - PER_JOINT * joint] = filters[joint](rows[:, joint, loaded])
+            filters[joint].into(rows[:, joint, PER_JOINT * joint :], own[decimated])
     run = Run(
         name=log.name,
         logged=logged,

@@ -1,6 +1,6 @@
 """Least squares against columns of which some are taken out first, in an order that does not vary."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,14 @@ RIDGE = 1e-10
 BLOCK = 16
 
 
-def projected_gram(parts: Callable[[], Iterable[Array]], base: int) -> Array:
+def projected_gram(parts: Iterable[Array], base: int) -> Array:
     """Inner products of columns, what the first ``base`` of them span taken out, (c, c).
 
-    parts: gives the columns' rows (R, c), part by part; all parts but the last have a multiple of BLOCK.
+    parts: the columns' rows (R, c), part by part; all parts but the last have a multiple of BLOCK.
     """
-    norms = np.maximum(np.sqrt(_summed(part**2 for part in parts())), np.finfo(float).tiny)
-    gram = _summed(_products(part / norms) for part in parts())
+    products = _summed(_products(part) for part in parts)
+    norms = np.maximum(np.sqrt(np.diag(products)), np.finfo(float).tiny)
+    gram = products / np.outer(norms, norms)
     inner = gram[:base, :base] + RIDGE * np.eye(base)
     return np.asarray((gram - gram[:, :base] @ np.linalg.solve(inner, gram[:base])) * np.outer(norms, norms))
 

@@ -9,7 +9,6 @@ from its rival j is what no choice of the rival's coefficients and of the base p
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from identification.regressor import regressor
 from testbench.effects import effect
 from testbench.effects.signature import Logged
 
-from ..data.decimation import decimating_filter
+from ..data.decimation import DecimatingFilter, decimating_filter, parts
 from ..data.preparation import DEAD_ZONE, filter_cutoff
 from ..decision.findings import Diagnosis
 from .projection import BLOCK, left, projected_gram
@@ -31,8 +30,8 @@ from .rivals import Open
 Array = NDArray[np.float64]
 
 SAMPLE_RATE = 200.0
-# Bytes of the regressor that are filtered at once, and of all columns that are multiplied at once.
-MOST_AT_ONCE, MOST_MULTIPLIED = 1 << 27, 1 << 23
+# Bytes of all columns that are multiplied at once.
+MOST_MULTIPLIED = 1 << 23
 # Filtered columns (M, r, k) and the r joints that they reach.
 Block = tuple[Array, Sequence[int]]
 
@@ -79,9 +78,6 @@ class Separation:
         logged = logged.foretold().thinned(max(int(logged.sample_rate / SAMPLE_RATE), 1))
         lowpass = decimating_filter(logged.sample_rate, filter_cutoff(logged.sample_rate))
         blocks: list[Block] = []
-        for columns in np.array_split(self.columns, -(-len(self.columns) * logged.q.nbytes // MOST_AT_ONCE)):
-            base = regressor(logged.chain, logged.q, logged.dq, logged.ddq, columns)
-            blocks.append((lowpass(base), range(logged.joints)))
         count = len(self.columns)
         added: list[int | None] = []
         spans: list[list[slice]] = []
@@ -99,8 +95,7 @@ class Separation:
                 blocks.append((lowpass(one.columns[0]), one.rows))
                 spans[-1].append(slice(count, count + one.count))
                 count += one.count
-        moving = np.abs(logged.dq[lowpass.kept(logged.samples)]) > DEAD_ZONE
-        gram = projected_gram(partial(self._parts, blocks, moving), len(self.columns))
+        gram = projected_gram(self._parts(logged, lowpass, blocks), len(self.columns))
         out = np.full(len(added), np.nan)
         for i, (y, size) in enumerate(zip(added, self.sized, strict=True)):
             if y is not None:
@@ -110,16 +105,18 @@ class Separation:
                 out[i] = 0.0
         return out
 
-    def _parts(self, blocks: Sequence[Block], moving: NDArray[np.bool_]) -> Iterator[Array]:
-        """Rows of all columns over the noise, part by part: (m n, c). moving: (M, n), joints not at rest."""
-        samples, joints = moving.shape
-        count = sum(columns.shape[2] for columns, _ in blocks)
-        step = BLOCK * max(MOST_MULTIPLIED // (8 * BLOCK * joints * count), 1)
-        weights = np.sqrt(self.weights) * moving
-        for first in range(0, samples, step):
-            part = slice(first, first + step)
+    def _parts(self, logged: Logged, lowpass: DecimatingFilter, blocks: Sequence[Block]) -> Iterator[Array]:
+        """Rows of all columns over the noise, part by part: (m n, c). blocks: those of effects."""
+        base, joints = len(self.columns), logged.joints
+        count = base + sum(columns.shape[2] for columns, _ in blocks)
+        at_once = BLOCK * max(MOST_MULTIPLIED // (8 * BLOCK * joints * count), 1)
+        kept = lowpass.kept(logged.samples)
+        weights = np.sqrt(self.weights) * (np.abs(logged.dq[kept]) > DEAD_ZONE)
+        for part, samples in parts(lowpass, logged.samples, at_once):
             out = np.zeros((len(weights[part]), joints, count))
-            column = 0
+            motion = logged.q[samples], logged.dq[samples], logged.ddq[samples]
+            out[:, :, :base] = lowpass(regressor(logged.chain, *motion, self.columns))
+            column = base
             for columns, reached in blocks:
                 out[:, list(reached), column : column + columns.shape[2]] = columns[part]
                 column += columns.shape[2]

@@ -85,10 +85,11 @@ def _linearised(
     for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         if each.family.effect == PAYLOAD:
             parameters[PER_JOINT * (prepared.joints - 1) :][:INERTIAL] += values[own]
-    accepted = list(hypothesis.accepted)
+    accepted, passed = list(hypothesis.accepted), []
 
     def again(there: Prepared, loads: bool) -> list[Array]:
         """The effects that load the gearboxes, or the others, recomputed; their torque, a run (N, n)."""
+        passed.append(there)
         known = [np.zeros_like(run.logged.tau) for run in prepared.runs]
         for place, (each, own) in enumerate(zip(hypothesis.accepted, hypothesis.parts, strict=True)):
             if effect(each.family.effect).DESCRIPTION.loads != loads:
@@ -104,9 +105,10 @@ def _linearised(
     # What the gearboxes carry is known before what depends on it.
     carried = again(prepared.linearised_at(parameters, nothing, nothing, zeros), loads=True)
     beside = again(prepared.linearised_at(parameters, carried, nothing, zeros), loads=False)
-    # Little is asked again of the runs as they were linearised before.
-    for run in prepared.runs:
-        run.logged.let_go()
+    # Little is asked again of the runs as they were linearised before, and on the way.
+    for there in (prepared, *passed):
+        for run in there.runs:
+            run.logged.let_go()
     return prepared.linearised_at(parameters, carried, beside, zeros), accepted
 
 

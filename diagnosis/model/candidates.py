@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from testbench.effects import effect, effects
 from testbench.effects.signature import (
+    ColumnsByInstant,
+    ColumnsByRun,
     Family,
     Member,
     Quantity,
     WindowedColumns,
     over_all_joints,
     places,
-    single_joint,
 )
 
 from ..data.preparation import Prepared
@@ -43,14 +44,16 @@ class Candidate:
     """One member of a family on these runs.
 
     family: the effect and its place. member: which shape. filtered: a run, (M, r, k) at the member's rows.
-    joints: n of the robot. sample_time: s, the longest of these runs. position_step: (n,) rad (m), that their
-    encoders count in, the coarsest. is_carried: whether the load of these runs has its torque already.
+    joints: n of the robot. samples: of all these runs together, at the full rate. sample_time: s, the longest
+    of them. position_step: (n,) rad (m), that their encoders count in, the coarsest. is_carried: whether the
+    load of these runs has its torque already.
     """
 
     family: Family
     member: Member
     filtered: tuple[Array, ...]
     joints: int
+    samples: int
     sample_time: float
     position_step: Array
     is_carried: bool = False
@@ -59,6 +62,17 @@ class Candidate:
     def columns(self) -> tuple[Array, ...]:
         """A run each, (M, n, k): filtered, and zero where the effect does not reach."""
         return tuple(over_all_joints(run, self.member.rows, self.joints) for run in self.filtered)
+
+    @cached_property
+    def largest(self) -> float:
+        """Largest absolute value of its columns at the full rate, of which no more is kept."""
+        return max(float(np.abs(run).max(initial=0.0)) for run in self.member.columns)
+
+    @cached_property
+    def rms(self) -> Array:
+        """RMS (k,) of its columns at the full rate, at the first of the member's rows."""
+        squares = np.sum([np.sum(run[:, 0] ** 2, axis=0) for run in self.member.columns], axis=0)
+        return np.sqrt(squares / self.samples)
 
     @property
     def count(self) -> int:
@@ -114,25 +128,30 @@ def candidate(prepared: Prepared, family: Family, member: Member) -> Candidate:
     if isinstance(columns, WindowedColumns):
         each_run = zip(prepared.runs, columns.windows, strict=True)
         filtered = [run.filtered_windows(windows, rows, member.count) for run, windows in each_run]
+    elif isinstance(columns, ColumnsByInstant):
+        makes = (partial(columns.of_part, index) for index in range(len(prepared.runs)))
+        each_make = zip(prepared.runs, makes, strict=True)
+        filtered = [run.filtered_in_parts(make, rows, member.count) for run, make in each_make]
     else:
         filtered = [run.filtered(own, rows) for run, own in zip(prepared.runs, columns, strict=True)]
+    samples = sum(run.logged.samples for run in prepared.runs)
     steps = prepared.sample_time, prepared.position_step
-    return Candidate(family, member, tuple(filtered), prepared.joints, *steps)
+    return Candidate(family, member, tuple(filtered), prepared.joints, samples, *steps)
 
 
 def without_law(
     prepared: Prepared,
     name: str,
     joint: int,
-    columns: Sequence[Array],
+    columns: ColumnsByRun,
     lower: Array,
     shape: dict[str, float],
 ) -> Candidate:
-    """Functions of the motion on a joint's torque, a run (N, k), under no law of the catalogue.
+    """Functions of the motion on a joint's torque, a run (N, 1, k), under no law of the catalogue.
 
     lower: (k,) bounds of the coefficients. Only the filtered columns are kept.
     """
-    at_full_rate = Member(shape, (joint,), single_joint(columns), lower, np.full(len(lower), np.inf))
+    at_full_rate = Member(shape, (joint,), columns, lower, np.full(len(lower), np.inf))
     kept = replace(at_full_rate, columns=())
     filtered = candidate(prepared, Family(name, joint, (kept,), _no_parameters), at_full_rate)
     return replace(filtered, member=kept)
@@ -177,11 +196,7 @@ def in_parallel(prepared: Prepared, families: Sequence[Callable[[], Family]]) ->
 
     def members(family: Callable[[], Family]) -> list[Candidate]:
         made = family()
-        kept = made.on_demand(family)
-        return [
-            replace(candidate(prepared, kept, member), member=light)
-            for member, light in zip(made.members, kept.members, strict=True)
-        ]
+        return [candidate(prepared, made, member) for member in made.members]
 
     size = sum(run.logged.q.nbytes for run in prepared.runs)
     workers = min(os.cpu_count() or 1, max(MOST_AT_ONCE // max(size, 1), 1))

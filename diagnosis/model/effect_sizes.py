@@ -148,7 +148,8 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
         if name == DIFFERENCE:
             # Where friction is little of the torque, any direction's share of it is nothing.
             assert family.joint is not None
-            mild = max(mild, least * float(torque_scale[family.joint]) / _moved_by_one(candidate, 1))
+            moved = max(float(candidate.rms[1]), float(np.finfo(float).tiny))
+            mild = max(mild, least * float(torque_scale[family.joint]) / moved)
         value = _number(values[name])
         if family.effect == CABLE:
             value *= _lever(robot, candidate, values)
@@ -161,7 +162,7 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
         elif exponent > 1:
             assert family.joint is not None
             # At the highest speed of the runs; beyond it nothing is known.
-            power = max(float(np.abs(column).max()) for column in candidate.member.columns)
+            power = candidate.largest
             # The nearer the exponent is to one, the less it bends, too.
             value *= power * min(exponent * (exponent - 1) / 2, 1.0)
             speed = power ** (1 / exponent)
@@ -182,22 +183,14 @@ def _lever(robot: Robot, candidate: Candidate, values: Mapping[str, Quantity]) -
     lever = min(0.5 * float(robot.limits.upper[joint] - robot.limits.lower[joint]), 1.0)
     if "doubling" not in values:
         return lever
-    pulled = max(float(np.abs(columns).max(initial=0.0)) for columns in candidate.member.columns)
-    return min(lever * (1 + (lever / _number(values["doubling"])) ** 2), pulled)
+    return min(lever * (1 + (lever / _number(values["doubling"])) ** 2), candidate.largest)
 
 
 def _reached(candidate: Candidate) -> float:
     """Share, up to one, of the warming within LONGEST_WARMING that a joint reaches in its runs."""
-    member = candidate.member
-    seconds = candidate.sample_time * sum(len(each) for each in member.columns)
-    longest, constant = LONGEST_WARMING, member.shape["time_constant"]
+    seconds = candidate.sample_time * candidate.samples
+    longest, constant = LONGEST_WARMING, candidate.member.shape["time_constant"]
     return min(float(np.expm1(-seconds / constant) / np.expm1(-seconds / longest)), 1.0)
-
-
-def _moved_by_one(candidate: Candidate, column: int) -> float:
-    """RMS torque, N·m (N), that one of a coefficient moves at the effect's joint."""
-    moved = np.concatenate([each[:, 0, column] for each in candidate.member.columns])
-    return max(float(np.sqrt(np.mean(moved**2))), float(np.finfo(float).tiny))
 
 
 def _number(quantity: Quantity) -> float:

@@ -6,27 +6,22 @@ well, the cause is unknown, and the family says in which regime it shows.
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from testbench.effects.logged import Logged
+from testbench.effects.signature import ColumnsByInstant, ColumnsByRun, on_one_joint
 
 from ..data.preparation import Prepared
 from .candidates import FREE, Candidate, without_law
 
 Array = NDArray[np.float64]
 
-TORQUE, RUN_TIME = "torque", "run time"
-REGIMES = (
-    "position",
-    "velocity",
-    "position and direction",
-    "acceleration",
-    TORQUE,
-    RUN_TIME,
-    "neighbour's motion",
-)
+POSITION, VELOCITY, POSITION_AND_DIRECTION = "position", "velocity", "position and direction"
+ACCELERATION, TORQUE, RUN_TIME, NEIGHBOUR = "acceleration", "torque", "run time", "neighbour's motion"
+REGIMES = (POSITION, VELOCITY, POSITION_AND_DIRECTION, ACCELERATION, TORQUE, RUN_TIME, NEIGHBOUR)
 
 # Pieces that the range of positions and the length of the runs are divided into.
 POSITIONS, SPANS = 9, 6
@@ -47,42 +42,72 @@ def generic_candidates(prepared: Prepared, known: Sequence[Candidate] = ()) -> l
             if regime != TORQUE and (name, joint, None) in same:
                 found.append(same[name, joint, None])
                 continue
-            columns = [_columns(run, joint, regime, logged) for run in logged]
-            k = columns[0].shape[1]
-            if k == 0:
-                continue
-            found.append(without_law(prepared, name, joint, columns, np.full(k, -np.inf), {}))
+            # Two samples tell how many there are.
+            k = _functions([run.part(slice(0, 2)) for run in logged], joint, regime)[0].shape[2]
+            if k > 0:
+                columns = _functions(logged, joint, regime)
+                found.append(without_law(prepared, name, joint, columns, np.full(k, -np.inf), {}))
     return found
 
 
-def _columns(run: Logged, joint: int, regime: str, runs: Sequence[Logged]) -> Array:
-    """Functions of the motion (N, k), each of unit size or so."""
-    q, v, a = run.q[:, joint], run.dq[:, joint], run.ddq[:, joint]
-    s = v / _largest(r.dq[:, joint] for r in runs)
-    if regime == "position":
-        return _bumps(q, [r.q[:, joint] for r in runs], POSITIONS)
-    if regime == "position and direction":
-        return _bumps(q, [r.q[:, joint] for r in runs], POSITIONS) * np.sign(v)[:, None]
-    if regime == "velocity":
-        near_rest = [np.sign(v) * np.exp(-np.abs(s) / width) for width in (0.02, 0.08, 0.3)]
-        return np.column_stack([*near_rest, s * np.abs(s), s**3, np.abs(s)])
-    if regime == "acceleration":
-        b = a / _largest(r.ddq[:, joint] for r in runs)
-        jerk = np.gradient(b) * run.sample_rate / np.pi
-        friction = [np.sign(v) * f for f in (np.abs(b), b**2, np.minimum(np.abs(b), 0.2))]
-        return np.column_stack([b * np.abs(b), jerk, *friction])
+def _functions(runs: Sequence[Logged], joint: int, regime: str) -> ColumnsByRun:
+    """Functions of the motion, a run (N, 1, k), each of unit size or so."""
     if regime == TORQUE:
-        # By the model: what was measured has the noise of what is looked for.
-        t = run.predicted[:, joint] / _largest(r.predicted[:, joint] for r in runs)
-        turning = [np.tanh(t / width) for width in TURNING]
-        return np.column_stack([*turning, t * np.abs(t), t**3, np.sign(v) * t**2])
+        torque = _largest(run.predicted[:, joint] for run in runs)
+        return on_one_joint(runs, lambda run: _of_torque(run, joint, torque))
+    if regime == ACCELERATION:
+        acceleration = _largest(run.ddq[:, joint] for run in runs)
+        return on_one_joint(runs, lambda run: _of_acceleration(run, joint, acceleration))
+    speeds = [_largest(run.dq[:, each] for run in runs) for each in range(runs[0].joints)]
     if regime == RUN_TIME:
-        spans = _bumps(run.time - run.time[0], [r.time - r.time[0] for r in runs], SPANS)
-        return np.column_stack([spans, spans * np.sign(v)[:, None], spans[:, 1:] * s[:, None]])
-    found = []
+        runs = [replace(run, time=run.time - run.time[0]) for run in runs]
+        seconds = _ends(run.time for run in runs)
+        return ColumnsByInstant(runs, lambda run: _of_time(run, joint, seconds, speeds)[:, None])
+    if regime == VELOCITY:
+        return ColumnsByInstant(runs, lambda run: _of_velocity(run, joint, speeds)[:, None])
+    if regime == NEIGHBOUR:
+        return ColumnsByInstant(runs, lambda run: _of_neighbours(run, joint, speeds)[:, None])
+    turns, ends = regime == POSITION_AND_DIRECTION, _ends(run.q[:, joint] for run in runs)
+    return ColumnsByInstant(runs, lambda run: _of_position(run, joint, ends, turns)[:, None])
+
+
+def _of_position(run: Logged, joint: int, ends: tuple[float, float], turns: bool) -> Array:
+    bumps = _bumps(run.q[:, joint], ends, POSITIONS)
+    return bumps * np.sign(run.dq[:, joint])[:, None] if turns else bumps
+
+
+def _of_velocity(run: Logged, joint: int, speeds: Sequence[float]) -> Array:
+    v = run.dq[:, joint]
+    s = v / speeds[joint]
+    near_rest = [np.sign(v) * np.exp(-np.abs(s) / width) for width in (0.02, 0.08, 0.3)]
+    return np.column_stack([*near_rest, s * np.abs(s), s**3, np.abs(s)])
+
+
+def _of_acceleration(run: Logged, joint: int, largest: float) -> Array:
+    b, sign = run.ddq[:, joint] / largest, np.sign(run.dq[:, joint])
+    jerk = np.gradient(b) * run.sample_rate / np.pi
+    friction = [sign * f for f in (np.abs(b), b**2, np.minimum(np.abs(b), 0.2))]
+    return np.column_stack([b * np.abs(b), jerk, *friction])
+
+
+def _of_torque(run: Logged, joint: int, largest: float) -> Array:
+    # By the model: what was measured has the noise of what is looked for.
+    t = run.predicted[:, joint] / largest
+    turning = [np.tanh(t / width) for width in TURNING]
+    return np.column_stack([*turning, t * np.abs(t), t**3, np.sign(run.dq[:, joint]) * t**2])
+
+
+def _of_time(run: Logged, joint: int, ends: tuple[float, float], speeds: Sequence[float]) -> Array:
+    v, spans = run.dq[:, joint], _bumps(run.time, ends, SPANS)
+    return np.column_stack([spans, spans * np.sign(v)[:, None], spans[:, 1:] * (v / speeds[joint])[:, None]])
+
+
+def _of_neighbours(run: Logged, joint: int, speeds: Sequence[float]) -> Array:
+    v, found = run.dq[:, joint], []
+    s = v / speeds[joint]
     for k in (int(run.chain.parent[joint]), *run.chain.children(joint)):
         if k >= 0:
-            w = run.dq[:, k] / _largest(r.dq[:, k] for r in runs)
+            w = run.dq[:, k] / speeds[k]
             found += [w, np.sign(w), w * np.abs(w), w**2, np.sign(v) * np.abs(w)]
             found += [s * w, s**2 * w, s * w**2]
     return np.column_stack(found) if found else np.zeros((run.samples, 0))
@@ -93,8 +118,14 @@ def _largest(series: Iterable[Array]) -> float:
     return max(max(float(np.max(np.abs(values))) for values in series), 1e-6)
 
 
-def _bumps(values: Array, runs: Sequence[Array], count: int) -> Array:
-    """Hat functions (N, count) that share out the range of all runs and add up to one."""
-    low, high = min(float(r.min()) for r in runs), max(float(r.max()) for r in runs)
+def _ends(series: Iterable[Array]) -> tuple[float, float]:
+    """Smallest and largest value of all runs."""
+    low, high = zip(*((float(values.min()), float(values.max())) for values in series), strict=True)
+    return min(low), max(high)
+
+
+def _bumps(values: Array, ends: tuple[float, float], count: int) -> Array:
+    """Hat functions (N, count) that share out a range and add up to one."""
+    low, high = ends
     place = (values - low) / max(high - low, 1e-9) * (count - 1)
     return np.maximum(1 - np.abs(place[:, None] - np.arange(count)), 0)

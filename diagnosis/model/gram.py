@@ -52,9 +52,12 @@ class Bank:
         """Columns that reach a joint, of the used rows of a fold, (m, K_j)."""
         if (fold, joint) in self._z:
             return self._z[fold, joint]
-        reaching = (self.candidates[c] for c in self._reach[joint])
-        rows = [reached_rows(self._ground, each, fold, joint) for each in reaching]
-        found = np.concatenate([np.zeros((len(self._ground.used[fold][joint]), 0)), *rows], axis=1)
+        found = np.empty((len(self._ground.used[fold][joint]), len(self.reached[joint])))
+        column = 0
+        for each in (self.candidates[c] for c in self._reach[joint]):
+            # Filled one by one, as all of them twice would be most of a long log's memory.
+            found[:, column : column + each.count] = reached_rows(self._ground, each, fold, joint)
+            column += each.count
         if self._is_small:
             self._z[fold, joint] = found
         return found

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from identification.parameters import COULOMB, PER_JOINT
-from testbench.effects.logged import Logged
+from testbench.effects.signature import Logged, on_one_joint
 from testbench.robot import Robot
 
 from ..data.preparation import DEAD_ZONE, Prepared
@@ -263,5 +263,8 @@ def _changed(
     prepared: Prepared, joint: int, shape: dict[str, float], turned: Callable[[Logged], Array]
 ) -> Candidate:
     """A share (N,) of a joint's Coulomb friction in place of the sign that the friction turns with."""
-    columns = [(turned(run.logged) - np.sign(run.logged.turning[:, joint]))[:, None] for run in prepared.runs]
+    columns = on_one_joint(
+        [run.logged for run in prepared.runs],
+        lambda run: (turned(run) - np.sign(run.turning[:, joint]))[:, None],
+    )
     return without_law(prepared, "friction near rest", joint, columns, np.zeros(1), shape)

@@ -1,8 +1,12 @@
 """Springs that pull one way: a hose with slack or a bumper is near a cable, and not in the catalogue."""
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
+
+from testbench.effects.signature import Logged, on_one_joint
 
 from ..data.preparation import Prepared
 from ..fit.likelihood import gained
@@ -12,6 +16,8 @@ from ..model.effect_sizes import SPRINGS
 from ..model.gram import Bank
 from ..plausibility.accepted import Accepted
 from ..residual.unexplained import Unclaimed, share_left
+
+Array = NDArray[np.float64]
 
 # Per cent of a joint's positions beyond which such a spring may begin to pull.
 BEGINNINGS = np.arange(5.0, 96.0, 10.0)
@@ -52,11 +58,14 @@ def _is_spring_of(item: Accepted, joint: int) -> bool:
 
 def _springs(prepared: Prepared, joint: int) -> Iterator[Candidate]:
     """Springs that pull beyond, or before, each of some positions."""
-    positions = np.concatenate([run.logged.q[:, joint] for run in prepared.runs])
+    logged = [run.logged for run in prepared.runs]
+    positions = np.concatenate([run.q[:, joint] for run in logged])
     for begins in np.percentile(positions, BEGINNINGS).tolist():
         for side in (1.0, -1.0):
-            columns = [
-                side * np.maximum(side * (run.logged.q[:, joint] - begins), 0.0)[:, None]
-                for run in prepared.runs
-            ]
+            columns = on_one_joint(logged, partial(_pull, joint, begins, side))
             yield without_law(prepared, "one-sided spring", joint, columns, np.zeros(1), {"begins": begins})
+
+
+def _pull(joint: int, begins: float, side: float, run: Logged) -> Array:
+    """How far a joint is beyond a position, or by side -1 before it, rad (m), (N, 1)."""
+    return side * np.maximum(side * (run.q[:, [joint]] - begins), 0.0)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from identification.parameters import COULOMB, PER_JOINT
-from testbench.effects.signature import Member
+from testbench.effects.signature import ColumnsByRun, Member
 from testbench.robot import Robot
 
 from ..data.preparation import Prepared
@@ -149,11 +149,13 @@ def _bristles(
 
 def _keeping(prepared: Prepared, joint: int, bristle: Member) -> Candidate:
     """Candidate: change of unit Coulomb friction that keeps its sign until bristles slide the other way."""
-    columns = []
-    for run, of_bristle in zip(prepared.runs, bristle.columns, strict=True):
-        sign = np.sign(run.logged.dq[:, joint])
-        borne = of_bristle[:, 0, 0] + sign
+
+    def columns(run: int) -> Array:
+        sign = np.sign(prepared.runs[run].logged.dq[:, joint])
+        borne = bristle.columns[run][:, 0, 0] + sign
         last = np.maximum.accumulate(np.where(np.abs(borne) >= SLIDES, np.arange(len(borne)), 0))
         kept = np.where(np.abs(borne[last]) >= SLIDES, np.sign(borne[last]), 0.0)
-        columns.append((kept - sign)[:, None])
-    return without_law(prepared, "friction that keeps its direction", joint, columns, np.zeros(1), {})
+        return (kept - sign)[:, None, None]
+
+    made = ColumnsByRun(columns, len(prepared.runs))
+    return without_law(prepared, "friction that keeps its direction", joint, made, np.zeros(1), {})

@@ -135,7 +135,9 @@ def _density(values: Array, measured: NDArray[np.bool_], rate: float, length: in
     measured: (N, n); where hardly any were, all samples count. Reversals of friction are broadband but rare,
     as seams are where samples were left out: the median is not moved by them.
     """
-    frequency, density = signal.welch(values, rate, nperseg=length, axis=0, average="median")
+    # A joint at a time: all its segments are held at once.
+    of_each = [signal.welch(own, rate, nperseg=length, average="median") for own in values.T]
+    frequency, density = of_each[0][0], np.column_stack([own for _, own in of_each])
     for joint in np.flatnonzero(~measured.all(axis=0)).tolist():
         kept = values[measured[:, joint], joint]
         if len(kept) >= length:

@@ -23,7 +23,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, coefficients_as_named, single_joint
+from .signature import Family, Logged, Member, coefficients_as_named, on_one_joint
 
 Array = NDArray[np.float64]
 
@@ -86,20 +86,18 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     parameter = DESCRIPTION.parameters[0]
     lower, upper = np.array([parameter.lower]), np.array([parameter.upper])
-    rates = [run.predicted_rate(joint) for run in runs]
-    second = [
-        np.gradient(rate, 1 / run.sample_rate, edge_order=2) for run, rate in zip(runs, rates, strict=True)
-    ]
 
     def two_stages(shape: Mapping[str, float]) -> Member:
-        columns = [
-            (rate + shape["of_stages"] / (2 * shape["damping_ratio"]) ** 2 * of_rate)[:, None]
-            for rate, of_rate in zip(rates, second, strict=True)
-        ]
-        least, most = (np.array([alike * shape["of_stages"]]) for alike in (LEAST_ALIKE, MOST_ALIKE))
-        return Member(dict(shape), (joint,), single_joint(columns), least, most, SECOND_ORDER)
+        def columns(run: Logged) -> Array:
+            rate = run.predicted_rate(joint)
+            of_rate = np.gradient(rate, 1 / run.sample_rate, edge_order=2)
+            return (rate + shape["of_stages"] / (2 * shape["damping_ratio"]) ** 2 * of_rate)[:, None]
 
-    one_stage = Member({}, (joint,), single_joint([rate[:, None] for rate in rates]), lower, upper)
+        least, most = (np.array([alike * shape["of_stages"]]) for alike in (LEAST_ALIKE, MOST_ALIKE))
+        return Member(dict(shape), (joint,), on_one_joint(runs, columns), least, most, SECOND_ORDER)
+
+    rate = on_one_joint(runs, lambda run: run.predicted_rate(joint)[:, None])
+    one_stage = Member({}, (joint,), rate, lower, upper)
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,

@@ -20,7 +20,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .passive_device import passive_device
-from .signature import Family, Logged, Member, coefficients_as_named, single_joint
+from .signature import Family, Logged, Member, coefficients_as_named, on_one_joint
 
 DESCRIPTION = EffectDescription(
     name="asymmetric_friction",
@@ -58,9 +58,11 @@ def _even(bus: int, parameters: int, state: int, joint: int) -> None:
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """1 and |v|."""
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    columns = [np.column_stack([np.ones(run.samples), np.abs(run.dq[:, joint])]) for run in runs]
+    columns = on_one_joint(
+        runs, lambda run: np.column_stack([np.ones(run.samples), np.abs(run.dq[:, joint])])
+    )
     free = np.full(2, np.inf)
-    member = Member({}, (joint,), single_joint(columns), -free, free)
+    member = Member({}, (joint,), columns, -free, free)
     named = coefficients_as_named(DESCRIPTION, ("offset", "viscous_difference"))
     return Family(DESCRIPTION.name, joint, (member,), named)
 

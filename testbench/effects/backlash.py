@@ -24,7 +24,7 @@ from .base import EffectDescription, EffectParameter, Injection, Scope
 from .joint_elasticity import add_link_joint
 from .link_motion import link_row, loose_change
 from .mjcf_form import file_angle
-from .signature import ColumnsByRun, Family, Logged, Member, Quantity, grid_family
+from .signature import Family, Logged, Member, Quantity, by_run, grid_family
 
 Array = NDArray[np.float64]
 
@@ -76,9 +76,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     def member(shape: Mapping[str, float]) -> Member:
         play = shape["gap"], shape["contact"]
-        columns = ColumnsByRun(
-            lambda run: loose_change(link_row(runs[run], joint), *play)[:, :, None], len(runs)
-        )
+        columns = by_run(runs, lambda run: loose_change(link_row(run, joint), *play)[:, :, None])
         return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, 2.0))
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:

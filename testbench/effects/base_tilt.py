@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..robot import Robot
 from .action import Action, SimulatedRobot
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, coefficients_as_named
+from .signature import ColumnsByInstant, Family, Logged, Member, coefficients_as_named
 
 Array = NDArray[np.float64]
 
@@ -58,13 +58,12 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     A turn that no joint feels, as about an axis that all axes are parallel to, is held at zero.
     """
-    columns = tuple(_columns(run) for run in runs)
-    largest = np.max([np.abs(each).max(axis=(0, 1)) for each in columns], axis=0)
+    largest = ColumnsByInstant(runs, _columns).largest()
     felt = largest > ROUNDING * largest.max()
     member = Member(
         shape={},
         rows=tuple(range(runs[0].joints)),
-        columns=tuple(each * felt for each in columns),
+        columns=ColumnsByInstant(runs, lambda run: _columns(run) * felt),
         lower=np.where(felt, [parameter.lower for parameter in DESCRIPTION.parameters], 0.0),
         upper=np.where(felt, [parameter.upper for parameter in DESCRIPTION.parameters], 0.0),
         widths=np.array([parameter.typical[1] for parameter in DESCRIPTION.parameters]),

@@ -1,6 +1,6 @@
 """Cable spring: the dress pack pulls the joint back to where it hangs straight."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from .action import (
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .bristle import bristle_step, unit_bristle
 from .mjcf_form import file_angle, joint_element
-from .signature import Family, Logged, Member, Quantity, single_joint
+from .signature import Family, Logged, Member, Quantity, on_one_joint
 
 Array = NDArray[np.float64]
 
@@ -93,25 +93,25 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     lower, upper = np.array([0.0, -np.inf]), np.full(2, np.inf)
 
-    def pulling(pulls: Sequence[Array], shape: Mapping[str, float], law: str | None) -> Member:
-        columns = [np.column_stack([pull, np.ones_like(pull)]) for pull in pulls]
-        return Member(dict(shape), (joint,), single_joint(columns), lower, upper, law)
+    def pulling(pull: Callable[[Logged], Array], shape: Mapping[str, float], law: str | None) -> Member:
+        columns = on_one_joint(runs, lambda run: np.column_stack([pull(run), np.ones(run.samples)]))
+        return Member(dict(shape), (joint,), columns, lower, upper, law)
 
     def hardening(shape: Mapping[str, float]) -> Member:
-        pulled = [run.q[:, joint] - shape["rest"] for run in runs]
-        columns = [(x * (1 + (x / shape["doubling"]) ** 2))[:, None] for x in pulled]
-        return Member(dict(shape), (joint,), single_joint(columns), lower[:1], upper[:1], HARDENING)
+        def columns(run: Logged) -> Array:
+            pulled = run.q[:, [joint]] - shape["rest"]
+            return pulled * (1 + (pulled / shape["doubling"]) ** 2)
+
+        return Member(dict(shape), (joint,), on_one_joint(runs, columns), lower[:1], upper[:1], HARDENING)
 
     def member(shape: Mapping[str, float]) -> Member:
-        if "rest" in shape:
-            return hardening(shape)
-        pulls = []
-        for run in runs:
+        def pull(run: Logged) -> Array:
             rubbed = np.empty((run.samples, 1))
             v = np.ascontiguousarray(run.dq[:, joint])
             unit_bristle(v, np.array([shape["yields"]]), 1.0, 1 / run.sample_rate, rubbed)
-            pulls.append(run.q[:, joint] + shape["friction"] * rubbed[:, 0])
-        return pulling(pulls, shape, HYSTERETIC)
+            return run.q[:, joint] + shape["friction"] * rubbed[:, 0]
+
+        return hardening(shape) if "rest" in shape else pulling(pull, shape, HYSTERETIC)
 
     ends = [(float(run.q[:, joint].min()), float(run.q[:, joint].max())) for run in runs]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
@@ -119,7 +119,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     middle, half = (low + high) / 2, max((high - low) / 2, STILL)
     shapes = [{"friction": f, "yields": y} for f, y in LIKELY]
     shapes += [{"rest": middle + r * half, "doubling": LIKELY_DOUBLING * half} for r in LIKELY_RESTS]
-    linear = pulling([run.q[:, joint] for run in runs], {}, None)
+    linear = pulling(lambda run: run.q[:, joint], {}, None)
     return Family(
         effect=DESCRIPTION.name,
         joint=joint,

@@ -21,7 +21,7 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, Quantity, wave_parameters
+from .signature import Family, Logged, Member, Quantity, by_run, wave_parameters
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         return Member(
             shape=dict(shape),
             rows=tuple(range(runs[0].joints)),
-            columns=tuple(_columns(run, joint, orders) for run in runs),
+            columns=by_run(runs, lambda run: _columns(run, joint, orders)),
             lower=np.full(2 * len(orders), -largest),
             upper=np.full(2 * len(orders), largest),
             law=None if len(orders) == 1 else TWO_HARMONICS,

@@ -4,12 +4,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..robot import Robot
 from .action import READING, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, require_joint, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import file_angle, joint_element
-from .signature import Family, Logged, Member, coefficients_as_named
+from .signature import Family, Logged, Member, by_run, coefficients_as_named
+
+Array = NDArray[np.float64]
 
 DESCRIPTION = EffectDescription(
     name="encoder_offset",
@@ -48,17 +51,19 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
     parameter, known = DESCRIPTION.parameters[0], runs[0].zeros
     offset = 0.0 if known is None else float(known[joint])
+    lower, upper = parameter.lower, parameter.upper
     if offset:
-        columns = [run.load_elsewhere(joint, -offset) / offset for run in runs]
         lower, upper = sorted((offset / NEAR, offset * NEAR))
-    else:
-        back = np.array([[-1.0, 0.0, 0.0]])
-        columns = [run.load_change(joint, back) for run in runs]
-        lower, upper = parameter.lower, parameter.upper
+
+    def columns(run: Logged) -> Array:
+        if offset:
+            return (run.load_elsewhere(joint, -offset) / offset)[:, :, None]
+        return run.load_change(joint, np.array([[-1.0, 0.0, 0.0]]))[:, :, None]
+
     member = Member(
         shape={},
         rows=tuple(range(runs[0].joints)),
-        columns=tuple(column[:, :, None] for column in columns),
+        columns=by_run(runs, columns),
         lower=np.array([lower]),
         upper=np.array([upper]),
         # One that is known to lie far off is no longer judged by how far they are on arms in general.

@@ -30,7 +30,7 @@ from .signature import (
     Quantity,
     amplitude_and_phase,
     coefficients_as_named,
-    single_joint,
+    on_one_joint,
 )
 
 Array = NDArray[np.float64]
@@ -70,15 +70,9 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 
 
 @kernel
-def _lever_at(sine: Any, cosine: Any) -> Any:
-    """Lever arm of a force between anchors at radius 1 and 1/2, by sine and cosine of what is between."""
-    return 0.5 * sine / np.sqrt(1.25 - cosine)
-
-
-@kernel
 def _lever(angle: Any) -> Any:
-    """The same by the angle, rad."""
-    return _lever_at(np.sin(angle), np.cos(angle))
+    """Lever arm of a force between anchors at radius 1 and 1/2, by the angle between them, rad."""
+    return 0.5 * np.sin(angle) / np.sqrt(1.25 - np.cos(angle))
 
 
 @hook_kernel
@@ -91,18 +85,15 @@ def _spring(bus: int, parameters: int, state: int, joint: int) -> None:
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """sin q and cos q, as -stiffness·sin(phase - q) = stiffness·sin(q - phase); gas springs by phase."""
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    columns = [np.column_stack([np.cos(run.q[:, joint]), np.sin(run.q[:, joint])]) for run in runs]
+    waves = on_one_joint(
+        runs, lambda run: np.column_stack([np.cos(run.q[:, joint]), np.sin(run.q[:, joint])])
+    )
     free = np.full(2, np.inf)
-    sine = Member({}, (joint,), single_joint(columns), -free, free)
+    sine = Member({}, (joint,), waves, -free, free)
 
     def gas_spring(shape: Mapping[str, float]) -> Member:
-        s, c = np.sin(shape["phase"]), np.cos(shape["phase"])
-        # Sine and cosine of the phase less the position, none of them taken a sample.
-        turned = [(own @ np.array([[s, c], [-c, s]])).T for own in columns]
-        levers = [-_lever_at(*each)[:, None] for each in turned]
-        return Member(
-            dict(shape), (joint,), single_joint(levers), np.zeros(1), np.full(1, np.inf), GAS_SPRING
-        )
+        levers = on_one_joint(runs, lambda run: -_lever(shape["phase"] - run.q[:, [joint]]))
+        return Member(dict(shape), (joint,), levers, np.zeros(1), np.full(1, np.inf), GAS_SPRING)
 
     phases = np.linspace(-np.pi, np.pi, PHASES, endpoint=False)
     return Family(

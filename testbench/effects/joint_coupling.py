@@ -26,7 +26,7 @@ from .action import (
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .bristle import bristle_step, unit_bristle
 from .mjcf_form import joint_element
-from .signature import Family, Logged, Member, Quantity
+from .signature import Family, Logged, Member, Quantity, by_run
 
 Array = NDArray[np.float64]
 
@@ -93,13 +93,13 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     pair = _pair(joint, into, runs[0].joints)
 
     def member(shape: Mapping[str, float]) -> Member:
-        columns = []
-        for run in runs:
+        def columns(run: Logged) -> Array:
             v, a = run.dq[:, pair], run.ddq[:, pair]
             friction = _friction(v.sum(axis=1), shape, 1 / run.sample_rate)
-            columns.append(np.stack([v[:, ::-1], friction.repeat(2, axis=1), a[:, ::-1]], axis=2))
-        law = SMOOTH if "width" in shape else None
-        return Member(dict(shape), tuple(pair), tuple(columns), np.zeros(3), np.full(3, np.inf), law)
+            return np.stack([v[:, ::-1], friction.repeat(2, axis=1), a[:, ::-1]], axis=2)
+
+        law, made = SMOOTH if "width" in shape else None, by_run(runs, columns)
+        return Member(dict(shape), tuple(pair), made, np.zeros(3), np.full(3, np.inf), law)
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
         std = np.sqrt(np.maximum(np.diag(covariance), 0.0))

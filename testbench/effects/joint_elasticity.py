@@ -27,7 +27,7 @@ from .action import (
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .link_motion import elastic_change, link_row, typical_link_inertia
 from .mjcf_form import joint_element
-from .signature import ColumnsByRun, Family, Logged, Member, Quantity
+from .signature import Family, Logged, Member, Quantity, by_run
 
 Array = NDArray[np.float64]
 
@@ -118,9 +118,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     def member(shape: Mapping[str, float]) -> Member:
         spring = shape["stiffness"], damping(shape), shape.get("doubling_windup", np.inf)
-        columns = ColumnsByRun(
-            lambda run: elastic_change(link_row(runs[run], joint), *spring)[:, :, None], len(runs)
-        )
+        columns = by_run(runs, lambda run: elastic_change(link_row(run, joint), *spring)[:, :, None])
         if "doubling_windup" in shape:
             return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, MOST_HARDENING), HARDENING)
         return Member(dict(shape), rows, columns, np.zeros(1), np.full(1, np.inf))

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..robot import Robot
 from .action import (
@@ -20,7 +21,9 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, coefficients_as_named, single_joint
+from .signature import Family, Logged, Member, coefficients_as_named, on_one_joint
+
+Array = NDArray[np.float64]
 
 DESCRIPTION = EffectDescription(
     name="load_dependent_friction",
@@ -59,12 +62,12 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     upper = np.array([DESCRIPTION.parameters[0].upper])
 
     def member(shape: dict[str, float], law: str | None) -> Member:
-        columns = []
-        for run in runs:
+        def columns(run: Logged) -> Array:
             load, direction = run.load[:, joint], run.direction[:, joint]
             driven = np.where(load * direction < 0, shape.get("driven", 1.0), 1.0)
-            columns.append((driven * np.abs(load) * direction)[:, None])
-        return Member(shape, (joint,), single_joint(columns), np.zeros(1), upper, law)
+            return (driven * np.abs(load) * direction)[:, None]
+
+        return Member(shape, (joint,), on_one_joint(runs, columns), np.zeros(1), upper, law)
 
     members = member({}, None), member({"driven": DRIVEN}, DRIVING)
     return Family(DESCRIPTION.name, joint, members, coefficients_as_named(DESCRIPTION, ("coefficient",)))

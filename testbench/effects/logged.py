@@ -85,8 +85,16 @@ class Logged:
     coulomb_lead: float = 0.0
     zeros: Array | None = None
 
+    def part(self, samples: slice) -> "Logged":
+        """Some samples of the run, of which nothing is copied."""
+        series = {name: getattr(self, name) for name in PER_SAMPLE}
+        kept: dict[str, Any] = {name: w if w is None else w[samples] for name, w in series.items()}
+        return replace(self, **kept)
+
     def thinned(self, every: int) -> "Logged":
         """One in so many samples, of a motion that the others tell nothing more of."""
+        if every == 1:
+            return self
         series = {name: getattr(self, name) for name in PER_SAMPLE}
         kept: dict[str, Any] = {name: w if w is None else w[::every].copy() for name, w in series.items()}
         return replace(self, sample_rate=self.sample_rate / every, **kept)
@@ -129,6 +137,11 @@ class Logged:
         """Viscous and Coulomb friction and offset by the model, (N, n) N·m."""
         table = self.table
         return table[:, VISCOUS] * self.dq + table[:, COULOMB] * self.direction + table[:, OFFSET]
+
+    def friction_at(self, joint: int) -> Array:
+        """The same at one joint, (N,) N·m."""
+        own = self.table[joint]
+        return own[VISCOUS] * self.dq[:, joint] + own[COULOMB] * self.direction[:, joint] + own[OFFSET]
 
     @cached_property
     def predicted(self) -> Array:
@@ -215,15 +228,16 @@ class Logged:
             values: Callable[[NDArray[np.int64]], Array] = partial(self._load_derivatives_at, joint)
             if step > 1 and len(grid) > 3:
                 values = make_interp_spline(grid, values(grid))
+            # Those of all joints are most of what a run would hold: old ones go before new ones come.
+            others = min(DERIVATIVES, max(MOST_BYTES // (3 * self.q.nbytes), 1)) - 1
+            for old in list(kept)[: max(len(kept) - others, 0)]:
+                kept.pop(old, None)
             made = np.empty((3, self.samples, self.joints))
             for first in range(0, self.samples, AT_ONCE):
                 part = np.arange(first, min(first + AT_ONCE, self.samples))
                 for whole, own in zip(made, np.split(values(part), 3, axis=1), strict=True):
                     whole[part] = own
             found = kept[joint] = _Derivatives((made[0], made[1], made[2]))
-            # Those of all joints are most of what a run would hold.
-            for old in list(kept)[: -min(DERIVATIVES, max(MOST_BYTES // made.nbytes, 1))]:
-                kept.pop(old, None)
         return found
 
     def _load_derivatives_at(self, joint: int, samples: NDArray[np.int64]) -> Array:

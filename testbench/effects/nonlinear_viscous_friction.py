@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..robot import Robot
 from .action import (
@@ -20,8 +21,10 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import joint_element
-from .signature import Family, Logged, Member, coefficients_as_named, grid_family, single_joint
+from .signature import Family, Logged, Member, coefficients_as_named, grid_family, on_one_joint
 from .size import speed_limit
+
+Array = NDArray[np.float64]
 
 DESCRIPTION = EffectDescription(
     name="nonlinear_viscous_friction",
@@ -70,10 +73,12 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     free = np.full(1, np.inf)
 
     def member(shape: Mapping[str, float]) -> Member:
-        speeds = [run.dq[:, joint] for run in runs]
-        columns = [(np.abs(v) ** shape["exponent"] * np.sign(v))[:, None] for v in speeds]
+        def columns(run: Logged) -> Array:
+            v = run.dq[:, [joint]]
+            return np.abs(v) ** shape["exponent"] * np.sign(v)
+
         lower = np.zeros(1) if shape["exponent"] < 1 else -free
-        return Member(dict(shape), (joint,), single_joint(columns), lower, free)
+        return Member(dict(shape), (joint,), on_one_joint(runs, columns), lower, free)
 
     named = coefficients_as_named(DESCRIPTION, ("coefficient",))
     grid, wider = {"exponent": EXPONENTS}, {"exponent": (LEAST, LARGEST)}

@@ -14,7 +14,7 @@ from identification.regressor import regressor
 from ..robot import Robot
 from .action import Action, SimulatedRobot
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, Quantity
+from .signature import ColumnsByInstant, Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 
@@ -94,12 +94,12 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     n = runs[0].joints
     ten = PER_JOINT * (n - 1) + np.arange(INERTIAL)
     bounds = np.array([DESCRIPTION.parameters[0].upper] * INERTIAL) * REACH
-    columns = [regressor(run.chain, run.q, run.dq, run.ddq, ten) for run in runs]
-    felt = np.any([np.any(each, axis=(0, 1)) for each in columns], axis=0)
+    columns = ColumnsByInstant(runs, lambda run: regressor(run.chain, run.q, run.dq, run.ddq, ten))
+    felt = columns.largest() > 0
     member = Member(
         shape={},
         rows=tuple(range(n)),
-        columns=tuple(columns),
+        columns=columns,
         lower=np.where(felt & ~np.isin(np.arange(INERTIAL), (0, 3, 5, 9)), -bounds, 0.0),
         upper=np.where(felt, bounds, 0.0),
         widths=_widths(runs[0]),

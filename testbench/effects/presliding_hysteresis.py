@@ -26,7 +26,7 @@ from .action import (
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .bristle import bristle_step, dahl_step, unit_bristle
 from .passive_device import coulomb_level, passive_device
-from .signature import Family, Logged, Member, Quantity, single_joint
+from .signature import Family, Logged, Member, Quantity, on_one_joint
 
 Array = NDArray[np.float64]
 
@@ -109,14 +109,15 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
 
     def member(shape: Mapping[str, float]) -> Member:
-        columns, exponent = [], shape.get("exponent", 1.0)
-        for run in runs:
+        def columns(run: Logged) -> Array:
             v = np.ascontiguousarray(run.dq[:, joint])
             friction = np.empty((run.samples, 1))
-            unit_bristle(v, np.array([shape["displacement"]]), exponent, 1 / run.sample_rate, friction)
-            columns.append(friction - np.sign(v)[:, None])
-        law = DAHL_EXPONENT if "exponent" in shape else None
-        return Member(dict(shape), (joint,), single_joint(columns), np.zeros(1), np.full(1, np.inf), law)
+            displacement, exponent = np.array([shape["displacement"]]), shape.get("exponent", 1.0)
+            unit_bristle(v, displacement, exponent, 1 / run.sample_rate, friction)
+            return friction - np.sign(v)[:, None]
+
+        law, made = DAHL_EXPONENT if "exponent" in shape else None, on_one_joint(runs, columns)
+        return Member(dict(shape), (joint,), made, np.zeros(1), np.full(1, np.inf), law)
 
     shapes = [{"displacement": each} for each in DISPLACEMENTS]
     shapes += [{**each, "exponent": LIKELY_EXPONENT} for each in shapes]

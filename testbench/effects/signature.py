@@ -14,8 +14,7 @@ pair or None.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from dataclasses import dataclass, field
 from typing import overload
 
 import numpy as np
@@ -25,6 +24,9 @@ from .base import EffectDescription, Scope
 from .logged import Logged as Logged
 
 Array = NDArray[np.float64]
+
+# Samples whose columns are made at once where all of a run are not needed together.
+AT_ONCE = 1 << 15
 
 
 @dataclass(frozen=True)
@@ -64,29 +66,11 @@ class Member:
         return over_all_joints(self.columns[run], self.rows, joints)
 
 
-class ColumnsOnDemand(Sequence[Array]):
-    """A member's columns, made when they are first read."""
-
-    def __init__(self, member: Callable[[], Member]):
-        self._member = member
-
-    @cached_property
-    def _made(self) -> Sequence[Array]:
-        return self._member().columns
-
-    @overload
-    def __getitem__(self, run: int) -> Array: ...
-    @overload
-    def __getitem__(self, run: slice) -> Sequence[Array]: ...
-    def __getitem__(self, run: int | slice) -> Array | Sequence[Array]:
-        return self._made[run]
-
-    def __len__(self) -> int:
-        return len(self._made)
-
-
 class ColumnsByRun(Sequence[Array]):
-    """A member's columns, those of a run made whenever they are read, and kept by nobody."""
+    """A member's columns, those of a run made whenever they are read, and kept by nobody: all fill a memory.
+
+    make: from a run's index, its columns (N, r, k). runs: how many.
+    """
 
     def __init__(self, make: Callable[[int], Array], runs: int):
         self._make, self._runs = make, range(runs)
@@ -102,6 +86,30 @@ class ColumnsByRun(Sequence[Array]):
 
     def __len__(self) -> int:
         return len(self._runs)
+
+
+class ColumnsByInstant(ColumnsByRun):
+    """The same where a sample's columns follow from that sample alone, so that parts of a run can be made.
+
+    make: from a run, or a part of it, its columns.
+    """
+
+    def __init__(self, runs: Sequence[Logged], make: Callable[[Logged], Array]):
+        super().__init__(lambda run: make(runs[run]), len(runs))
+        self._logged, self._of = runs, make
+
+    def of_part(self, run: int, samples: slice) -> Array:
+        """Columns (m, r, k) of some samples of a run."""
+        return self._of(self._logged[run].part(samples))
+
+    def largest(self) -> Array:
+        """The largest absolute value of each of the k columns, in all runs and rows, (k,)."""
+        parts = (
+            self.of_part(run, slice(first, first + AT_ONCE))
+            for run, each in enumerate(self._logged)
+            for first in range(0, each.samples, AT_ONCE)
+        )
+        return np.max([np.abs(part).max(axis=(0, 1)) for part in parts], axis=0)
 
 
 @dataclass(frozen=True)
@@ -189,19 +197,6 @@ class Family:
             return self.member(shape)
         return next((member for member in self.members if member.shape == shape), None)
 
-    def on_demand(self, again: Callable[[], "Family"]) -> "Family":
-        """The same, its columns made when they are read, since all fill a memory. again: makes the family."""
-        make = self.member
-
-        def member(index: int, own: Member) -> Member:
-            if isinstance(own.columns, ColumnsByRun | WindowedColumns):
-                return own
-            if make is not None and self.refine.keys() & own.shape.keys():
-                return replace(own, columns=ColumnsOnDemand(partial(make, own.shape)))
-            return replace(own, columns=ColumnsOnDemand(lambda: again().members[index]))
-
-        return replace(self, members=tuple(member(index, own) for index, own in enumerate(self.members)))
-
 
 def grid_family(
     effect: str,
@@ -233,9 +228,14 @@ def grid_family(
     )
 
 
-def single_joint(columns: Sequence[Array]) -> tuple[Array, ...]:
-    """Columns of an effect on one joint's own torque, a run (N, k), as a Member wants them: (N, 1, k)."""
-    return tuple(np.ascontiguousarray(column)[:, None, :] for column in columns)
+def by_run(runs: Sequence[Logged], make: Callable[[Logged], Array]) -> ColumnsByRun:
+    """Columns of which ``make`` makes those of a run, (N, r, k), whenever they are read."""
+    return ColumnsByRun(lambda run: make(runs[run]), len(runs))
+
+
+def on_one_joint(runs: Sequence[Logged], make: Callable[[Logged], Array]) -> ColumnsByRun:
+    """The same of an effect on one joint's own torque, made as (N, k)."""
+    return by_run(runs, lambda run: make(run)[:, None, :])
 
 
 def quantities(

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..robot import Robot
 from .action import (
@@ -20,7 +21,9 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .passive_device import coulomb_level, passive_device
-from .signature import Family, Logged, Member, coefficients_as_named, grid_family, single_joint
+from .signature import Family, Logged, Member, coefficients_as_named, grid_family, on_one_joint
+
+Array = NDArray[np.float64]
 
 DESCRIPTION = EffectDescription(
     name="stribeck_friction",
@@ -68,12 +71,11 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
 
     def member(shape: Mapping[str, float]) -> Member:
-        columns = []
-        for run in runs:
-            v = run.dq[:, joint]
-            ratio = (np.abs(v) / shape["velocity"]) ** shape["exponent"]
-            columns.append((np.exp(-ratio) * run.direction[:, joint])[:, None])
-        return Member(dict(shape), (joint,), single_joint(columns), np.zeros(1), np.full(1, np.inf))
+        def columns(run: Logged) -> Array:
+            ratio = (np.abs(run.dq[:, joint]) / shape["velocity"]) ** shape["exponent"]
+            return (np.exp(-ratio) * run.direction[:, joint])[:, None]
+
+        return Member(dict(shape), (joint,), on_one_joint(runs, columns), np.zeros(1), np.full(1, np.inf))
 
     named = coefficients_as_named(DESCRIPTION, ("extra",))
     grid = {"velocity": VELOCITIES, "exponent": EXPONENTS}

@@ -27,7 +27,7 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, Quantity, coefficients_as_named, single_joint
+from .signature import ColumnsByRun, Family, Logged, Member, Quantity, coefficients_as_named
 
 Array = NDArray[np.float64]
 
@@ -96,31 +96,37 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     any of it, the model's stands in.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    friction = [_cold(run, joint) for run in runs]
     # Of friction that a joint has none of, nothing falls.
-    upper = np.where(np.max(friction, axis=0) > 0, LARGEST_COEFFICIENT, 0.0)
-    speed = [run.dq[:, joint] for run in runs]
-    heat = [np.maximum(run.friction[:, joint] * v, 0.0) for run, v in zip(runs, speed, strict=True)]
-    falling = [np.minimum(f[0] * v**2, p) for f, v, p in zip(friction, speed, heat, strict=True)]
-    mean = max(float(np.mean(np.concatenate(heat))), DESCRIPTION.parameters[-1].lower)
+    upper = np.where(np.max([_cold(run, joint) for run in runs], axis=0) > 0, LARGEST_COEFFICIENT, 0.0)
+    heat = np.concatenate([_heat(run, joint) for run in runs])
+    mean = max(float(np.mean(heat)), DESCRIPTION.parameters[-1].lower)
     turns, pauses = _turns(runs)
 
+    def warm(run: Logged, shape: Mapping[str, float], start: float) -> Array:
+        if shape["even"]:
+            all_of_it, part = np.ones(run.samples), np.zeros(run.samples)
+        else:
+            power, speed = _heat(run, joint), run.dq[:, joint]
+            part = np.minimum(_cold(run, joint)[0] * speed**2, power) / shape["power"]
+            all_of_it = power / shape["power"]
+        return warmth(all_of_it, part, 1 / (run.sample_rate * shape["time_constant"]), start)
+
     def member(shape: Mapping[str, float]) -> Member:
-        columns = [np.empty(0)] * len(runs)
-        end, between = 0.0, 0.0 if shape["paused"] else 1.0
-        for turn, pause in zip(turns, pauses, strict=True):
-            run, (viscous, coulomb), v = runs[turn], friction[turn], speed[turn]
-            kept = float(np.exp(-pause / shape["time_constant"]))
-            start = between + (end - between) * kept if shape["carried"] else 0.0
-            if shape["even"]:
-                all_of_it, part = np.ones_like(v), np.zeros_like(v)
-            else:
-                all_of_it, part = heat[turn] / shape["power"], falling[turn] / shape["power"]
-            warm = warmth(all_of_it, part, 1 / (run.sample_rate * shape["time_constant"]), start)
-            end = float(warm[-1])
-            falls = np.column_stack([viscous * v, coulomb * run.direction[:, joint]])
-            columns[turn] = -warm[:, None] * falls
-        return Member(dict(shape), (joint,), single_joint(columns), np.zeros(2), upper)
+        starts, between = [0.0] * len(runs), 0.0 if shape["paused"] else 1.0
+        if shape["carried"]:
+            end = 0.0
+            for turn, pause in zip(turns, pauses, strict=True):
+                kept = float(np.exp(-pause / shape["time_constant"]))
+                starts[turn] = between + (end - between) * kept
+                end = float(warm(runs[turn], shape, starts[turn])[-1])
+
+        def columns(index: int) -> Array:
+            run = runs[index]
+            viscous, coulomb = _cold(run, joint)
+            falls = np.column_stack([viscous * run.dq[:, joint], coulomb * run.direction[:, joint]])
+            return (-warm(run, shape, starts[index])[:, None] * falls)[:, None, :]
+
+        return Member(dict(shape), (joint,), ColumnsByRun(columns, len(runs)), np.zeros(2), upper)
 
     # One run alone carries nothing, and without a pause it makes no difference what the joint did in it.
     starts = [(0.0, 1.0)]
@@ -152,6 +158,11 @@ def _turns(runs: Sequence[Logged]) -> tuple[list[int], list[float]]:
     if min(pauses, default=0.0) > 0:
         return turns, [0.0, *pauses]
     return list(range(len(runs))), [0.0] * len(runs)
+
+
+def _heat(run: Logged, joint: int) -> Array:
+    """Power that friction has by the model, (N,) W."""
+    return np.maximum(run.friction_at(joint) * run.dq[:, joint], 0.0)
 
 
 def _cold(run: Logged, joint: int) -> Array:

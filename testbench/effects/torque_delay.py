@@ -21,7 +21,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, Quantity, grid_family
+from .signature import Family, Logged, Member, Quantity, by_run, grid_family
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
         return Member(
             shape=dict(shape),
             rows=rows,
-            columns=tuple(_difference(run, rows, shape["difference"])[:, :, None] for run in runs),
+            columns=by_run(runs, lambda run: _difference(run, rows, shape["difference"])[:, :, None]),
             lower=np.array([shape["difference"] / NEAR if shape["difference"] > GRID[0] else smallest]),
             upper=np.array([shape["difference"] * NEAR]),
         )

@@ -10,7 +10,7 @@ from ..robot import Robot
 from .action import DRIVE, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, require_joint, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, Quantity, single_joint
+from .signature import Family, Logged, Member, Quantity, on_one_joint
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     member = Member(
         shape={},
         rows=(joint,),
-        columns=single_joint([run.predicted[:, [joint]] for run in runs]),
+        columns=on_one_joint(runs, lambda run: run.predicted[:, [joint]]),
         lower=np.array([1 / (1 + parameter.upper) - 1]),
         upper=np.array([1 / (1 + parameter.lower) - 1]),
         widths=np.array([parameter.typical[1]]),

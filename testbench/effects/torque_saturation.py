@@ -11,7 +11,7 @@ from ..robot import Robot
 from .action import DRIVE, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, require_joint, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .mjcf_form import drive
-from .signature import ColumnsByRun, Family, Logged, Member, Quantity, grid_family
+from .signature import Family, Logged, Member, Quantity, grid_family, on_one_joint
 
 Array = NDArray[np.float64]
 
@@ -64,28 +64,32 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     model must explain the limit itself there.
     """
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
-    asked = [run.tau if run.torque_command is None else run.torque_command for run in runs]
-    asked = [torque[:, joint] for torque in asked]
-    peak = max(float(np.abs(torque).max()) for torque in asked)
+    peak = max(float(np.abs(_asked(run, joint)).max()) for run in runs)
     return grid_family(
         DESCRIPTION.name,
         joint,
-        partial(_member, joint, asked),
+        partial(_member, runs, joint),
         {"limit": [share * peak for share in SHARES]},
         _parameters,
     )
 
 
-def _member(joint: int, asked: Sequence[Array], shape: Mapping[str, float]) -> Member:
+def _asked(run: Logged, joint: int) -> Array:
+    torque = run.tau if run.torque_command is None else run.torque_command
+    return torque[:, joint]
+
+
+def _member(runs: Sequence[Logged], joint: int, shape: Mapping[str, float]) -> Member:
     limit = shape["limit"]
 
-    def beyond(run: int) -> Array:
-        return (asked[run] - np.clip(asked[run], -limit, limit))[:, None, None]
+    def beyond(run: Logged) -> Array:
+        asked = _asked(run, joint)
+        return (asked - np.clip(asked, -limit, limit))[:, None]
 
     return Member(
         shape={"limit": limit},
         rows=(joint,),
-        columns=ColumnsByRun(beyond, len(asked)),
+        columns=on_one_joint(runs, beyond),
         lower=np.array(FACTOR[:1]),
         upper=np.array(FACTOR[1:]),
     )

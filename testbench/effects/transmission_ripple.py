@@ -24,7 +24,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .passive_device import passive_device
-from .signature import Family, Logged, Member, Quantity, single_joint, wave_parameters
+from .signature import Family, Logged, Member, Quantity, on_one_joint, wave_parameters
 
 Array = NDArray[np.float64]
 
@@ -105,18 +105,19 @@ def ripples(runs: Sequence[Logged], joint: int, peaks: Array, resolution: float)
     def member(shape: Mapping[str, float]) -> Member:
         shape = _apart(shape, 4 * resolution)
         cycles = np.array([shape[name] for name in ("cycles", "second_cycles") if name in shape])
-        columns = []
-        for run in runs:
+
+        def columns(run: Logged) -> Array:
             angles = run.q[:, joint, None] * cycles
             # cos and sin of the first, then of the second.
-            waves = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(run.samples, -1)
+            waves: Array = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(run.samples, -1)
             if "unloaded" in shape:
                 loaded = np.abs(run.load[:, joint, None]) / shape["full_load"]
                 waves *= shape["unloaded"] + (1 - shape["unloaded"]) * loaded
-            columns.append(waves)
+            return waves
+
         free = np.full(2 * len(cycles), np.inf)
         law = LOAD_MODULATED if "unloaded" in shape else TWO_WAVES if len(cycles) > 1 else None
-        return Member(dict(shape), (joint,), single_joint(columns), -free, free, law)
+        return Member(dict(shape), (joint,), on_one_joint(runs, columns), -free, free, law)
 
     def richer(plain: Member) -> tuple[Member, ...]:
         shapes: list[dict[str, float]] = [{"second_cycles": 2 * plain.shape["cycles"]}]

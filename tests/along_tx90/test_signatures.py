@@ -1,13 +1,18 @@
 """What the signatures of drive, sensing and body have in common."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 
 from testbench.effects import effect, effects
-from testbench.effects.signature import ColumnsByRun, ColumnsOnDemand, amplitude_and_phase, places
+from testbench.effects.signature import (
+    ColumnsByInstant,
+    ColumnsByRun,
+    WindowedColumns,
+    amplitude_and_phase,
+    places,
+)
 
 NAMES = (
     "torque_gain_error",
@@ -33,18 +38,15 @@ def test_every_signature_fits_its_runs_and_two_of_them_together(exact):
             assert all(np.isfinite(columns).all() for columns in member.columns)
 
 
-def test_columns_made_on_demand_are_those_of_the_grid(exact):
-    runs, deferred = [replace(exact, torque_command=exact.tau)], set()
-    for name, each in effects().items():
+def test_columns_are_made_when_they_are_read_and_of_parts_of_a_run_too(exact):
+    runs = [replace(exact, torque_command=exact.tau)]
+    for each in effects().values():
         joint, into = places(each.DESCRIPTION, exact.chain.is_slide)[-1]
-        make = partial(each.signature, runs, joint, into)
-        family = make()
-        for member, again in zip(family.members, family.on_demand(make).members, strict=True):
-            if isinstance(again.columns, ColumnsOnDemand | ColumnsByRun):
-                deferred.add(name)
-            for one, other in zip(member.columns, again.columns, strict=True):
-                np.testing.assert_array_equal(one, other)
-    assert {"backlash", "joint_elasticity", "gravity_spring", "transmission_ripple"} <= deferred
+        for member in each.signature(runs, joint, into).members:
+            assert isinstance(member.columns, ColumnsByRun | WindowedColumns)
+            if isinstance(member.columns, ColumnsByInstant):
+                part = slice(100, 300)
+                np.testing.assert_array_equal(member.columns.of_part(0, part), member.columns[0][part])
 
 
 def test_amplitude_and_phase_have_first_order_deviations():

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..robot import Robot
 from .action import (
@@ -19,7 +20,7 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, coefficients_as_named, grid_family, single_joint
+from .signature import Family, Logged, Member, coefficients_as_named, grid_family, on_one_joint
 
 DESCRIPTION = EffectDescription(
     name="eddy_brake",
@@ -55,9 +56,11 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     joint = require_joint(DESCRIPTION.name, joint, runs[0].joints)
 
     def member(shape: Mapping[str, float]) -> Member:
-        x = [run.dq[:, [joint]] / shape["critical"] for run in runs]
-        columns = single_joint([2 * each / (1 + each**2) for each in x])
-        return Member(dict(shape), (joint,), columns, np.zeros(1), np.full(1, np.inf))
+        def columns(run: Logged) -> NDArray[np.float64]:
+            x = run.dq[:, [joint]] / shape["critical"]
+            return 2 * x / (1 + x**2)
+
+        return Member(dict(shape), (joint,), on_one_joint(runs, columns), np.zeros(1), np.full(1, np.inf))
 
     named = coefficients_as_named(DESCRIPTION, ("peak",))
     return grid_family(DESCRIPTION.name, joint, member, {"critical": CRITICAL}, named)
