@@ -9,7 +9,7 @@ from diagnosis.data.decimation import decimating_filters, filtered, filtered_in_
 from identification.band import NOISE, joint_bands, position_noise
 from identification.inverse_dynamics import inverse_dynamics
 from identification.signals import Motion
-from testbench.effects.signature import AT_ONCE, Window, WindowedColumns
+from testbench.effects.columns import AT_ONCE, Window, WindowedColumns
 from testbench.robot import Robot
 from testbench.sampling import motion
 

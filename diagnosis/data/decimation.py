@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identification.compiled import njit
 from identification.filtering import decimation_step, zero_phase_lowpass
-from testbench.effects.signature import AT_ONCE, Window
+from testbench.effects.columns import AT_ONCE, Window
 
 Array = NDArray[np.float64]
 

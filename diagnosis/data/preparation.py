@@ -18,8 +18,8 @@ from identification.models import POSITION_BAND, Preprocessing
 from identification.parameters import PER_JOINT
 from identification.regressor import regressor
 from identification.springs import spring_torque
+from testbench.effects.columns import Window
 from testbench.effects.logged import Logged, body_in_link
-from testbench.effects.signature import Window
 from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.torque_lag import IN_TIME, TorqueLag

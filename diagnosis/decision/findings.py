@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from recordings.checks.finding import Finding, barring
 from testbench.effects import effect
-from testbench.effects.signature import Quantity, WindowedColumns
+from testbench.effects.columns import WindowedColumns
+from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
 from ..data.preparation import Prepared

@@ -11,16 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbench.effects import effect, effects
-from testbench.effects.signature import (
-    ColumnsByInstant,
-    ColumnsByRun,
-    Family,
-    Member,
-    Quantity,
-    WindowedColumns,
-    over_all_joints,
-    places,
-)
+from testbench.effects.columns import ColumnsByInstant, ColumnsByRun, WindowedColumns, over_all_joints
+from testbench.effects.signature import Family, Member, Quantity, places
 
 from ..data.preparation import Prepared
 

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from testbench.effects.columns import ColumnsByInstant, ColumnsByRun, on_one_joint
 from testbench.effects.logged import Logged
-from testbench.effects.signature import ColumnsByInstant, ColumnsByRun, on_one_joint
 
 from ..data.preparation import Prepared
 from .candidates import FREE, Candidate, without_law

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from identification.parameters import COULOMB, PER_JOINT
-from testbench.effects.signature import Logged, on_one_joint
+from testbench.effects.columns import on_one_joint
+from testbench.effects.signature import Logged
 from testbench.robot import Robot
 
 from ..data.preparation import DEAD_ZONE, Prepared

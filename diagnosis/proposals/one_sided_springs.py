@@ -6,7 +6,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from testbench.effects.signature import Logged, on_one_joint
+from testbench.effects.columns import on_one_joint
+from testbench.effects.signature import Logged
 
 from ..data.preparation import Prepared
 from ..fit.likelihood import gained

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from identification.parameters import COULOMB, PER_JOINT
-from testbench.effects.signature import ColumnsByRun, Member
+from testbench.effects.columns import ColumnsByRun
+from testbench.effects.signature import Member
 from testbench.robot import Robot
 
 from ..data.preparation import Prepared

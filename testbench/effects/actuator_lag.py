@@ -22,8 +22,9 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import on_one_joint
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, coefficients_as_named, on_one_joint
+from .signature import Family, Logged, Member, coefficients_as_named
 
 Array = NDArray[np.float64]
 

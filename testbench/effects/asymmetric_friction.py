@@ -19,8 +19,9 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import on_one_joint
 from .passive_device import passive_device
-from .signature import Family, Logged, Member, coefficients_as_named, on_one_joint
+from .signature import Family, Logged, Member, coefficients_as_named
 
 DESCRIPTION = EffectDescription(
     name="asymmetric_friction",

@@ -21,10 +21,11 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import by_run
 from .joint_elasticity import add_link_joint
 from .link_motion import link_row, loose_change
 from .mjcf_form import file_angle
-from .signature import Family, Logged, Member, Quantity, by_run, grid_family
+from .signature import Family, Logged, Member, Quantity, grid_family
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..robot import Robot
 from .action import Action, SimulatedRobot
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import ColumnsByInstant, Family, Logged, Member, coefficients_as_named
+from .columns import ColumnsByInstant
+from .signature import Family, Logged, Member, coefficients_as_named
 
 Array = NDArray[np.float64]
 

@@ -23,8 +23,9 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .bristle import bristle_step, unit_bristle
+from .columns import on_one_joint
 from .mjcf_form import file_angle, joint_element
-from .signature import Family, Logged, Member, Quantity, on_one_joint
+from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,8 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, Quantity, by_run, wave_parameters
+from .columns import by_run
+from .signature import Family, Logged, Member, Quantity, wave_parameters
 
 Array = NDArray[np.float64]
 

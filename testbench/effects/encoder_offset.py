@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from ..robot import Robot
 from .action import READING, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, require_joint, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import by_run
 from .mjcf_form import file_angle, joint_element
-from .signature import Family, Logged, Member, by_run, coefficients_as_named
+from .signature import Family, Logged, Member, coefficients_as_named
 
 Array = NDArray[np.float64]
 

@@ -23,6 +23,7 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import Window, WindowedColumns
 from .link_force import LINK, force_in_link, independent, link_table, push_point, push_torques
 from .logged import body_in_link
 from .mjcf_form import drive, joint_element
@@ -40,7 +41,7 @@ from .push import (
     widened,
     windows,
 )
-from .signature import Family, Logged, Member, Quantity, Window, WindowedColumns
+from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 

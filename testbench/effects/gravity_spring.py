@@ -22,16 +22,9 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import on_one_joint
 from .passive_device import passive_device
-from .signature import (
-    Family,
-    Logged,
-    Member,
-    Quantity,
-    amplitude_and_phase,
-    coefficients_as_named,
-    on_one_joint,
-)
+from .signature import Family, Logged, Member, Quantity, amplitude_and_phase, coefficients_as_named
 
 Array = NDArray[np.float64]
 

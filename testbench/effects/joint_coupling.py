@@ -25,8 +25,9 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .bristle import bristle_step, unit_bristle
+from .columns import by_run
 from .mjcf_form import joint_element
-from .signature import Family, Logged, Member, Quantity, by_run
+from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 

@@ -25,9 +25,10 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import by_run
 from .link_motion import elastic_change, link_row, typical_link_inertia
 from .mjcf_form import joint_element
-from .signature import Family, Logged, Member, Quantity, by_run
+from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,8 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, coefficients_as_named, on_one_joint
+from .columns import on_one_joint
+from .signature import Family, Logged, Member, coefficients_as_named
 
 Array = NDArray[np.float64]
 

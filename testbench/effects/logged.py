@@ -27,7 +27,7 @@ ANGLE_STEP = 1e-5
 SPLINE_SAMPLES = 8
 # Joints whose derivatives of the load are kept, at most so many bytes of them: effects are made for one joint
 # after the other. So many samples of them are made at once.
-DERIVATIVES, MOST_BYTES, AT_ONCE = 3, 1 << 27, 1 << 16
+DERIVATIVES, MOST_BYTES, AT_ONCE = 3, 1 << 27, 1 << 14
 # What a run has of every sample.
 PER_SAMPLE = (
     "time",

@@ -20,8 +20,9 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import on_one_joint
 from .mjcf_form import joint_element
-from .signature import Family, Logged, Member, coefficients_as_named, grid_family, on_one_joint
+from .signature import Family, Logged, Member, coefficients_as_named, grid_family
 from .size import speed_limit
 
 Array = NDArray[np.float64]

@@ -14,7 +14,8 @@ from identification.regressor import regressor
 from ..robot import Robot
 from .action import Action, SimulatedRobot
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import ColumnsByInstant, Family, Logged, Member, Quantity
+from .columns import ColumnsByInstant
+from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 

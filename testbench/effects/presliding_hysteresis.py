@@ -25,8 +25,9 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .bristle import bristle_step, dahl_step, unit_bristle
+from .columns import on_one_joint
 from .passive_device import coulomb_level, passive_device
-from .signature import Family, Logged, Member, Quantity, on_one_joint
+from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 

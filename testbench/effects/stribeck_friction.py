@@ -20,8 +20,9 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import on_one_joint
 from .passive_device import coulomb_level, passive_device
-from .signature import Family, Logged, Member, coefficients_as_named, grid_family, on_one_joint
+from .signature import Family, Logged, Member, coefficients_as_named, grid_family
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,8 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import ColumnsByRun, Family, Logged, Member, Quantity, coefficients_as_named
+from .columns import ColumnsByRun
+from .signature import Family, Logged, Member, Quantity, coefficients_as_named
 
 Array = NDArray[np.float64]
 

@@ -20,8 +20,9 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import by_run
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, Quantity, by_run, grid_family
+from .signature import Family, Logged, Member, Quantity, grid_family
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from ..robot import Robot
 from .action import DRIVE, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, require_joint, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import on_one_joint
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, Quantity, on_one_joint
+from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
 

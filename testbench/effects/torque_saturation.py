@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from ..robot import Robot
 from .action import DRIVE, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, require_joint, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import on_one_joint
 from .mjcf_form import drive
-from .signature import Family, Logged, Member, Quantity, grid_family, on_one_joint
+from .signature import Family, Logged, Member, Quantity, grid_family
 
 Array = NDArray[np.float64]
 

@@ -23,8 +23,9 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
+from .columns import on_one_joint
 from .passive_device import passive_device
-from .signature import Family, Logged, Member, Quantity, on_one_joint, wave_parameters
+from .signature import Family, Logged, Member, Quantity, wave_parameters
 
 Array = NDArray[np.float64]
 

@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from testbench.effects import effect, effects
-from testbench.effects.signature import (
-    ColumnsByInstant,
-    ColumnsByRun,
-    WindowedColumns,
-    amplitude_and_phase,
-    places,
-)
+from testbench.effects.columns import ColumnsByInstant, ColumnsByRun, WindowedColumns
+from testbench.effects.signature import amplitude_and_phase, places
 
 NAMES = (
     "torque_gain_error",

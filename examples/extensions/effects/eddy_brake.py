@@ -20,7 +20,8 @@ from .action import (
     vector,
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
-from .signature import Family, Logged, Member, coefficients_as_named, grid_family, on_one_joint
+from .columns import on_one_joint
+from .signature import Family, Logged, Member, coefficients_as_named, grid_family
 
 DESCRIPTION = EffectDescription(
     name="eddy_brake",

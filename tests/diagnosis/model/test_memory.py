@@ -10,22 +10,23 @@ from diagnosis.data.preparation import Prepared, prepare
 from diagnosis.model.candidates import Candidate, candidates
 from diagnosis.model.free_functions import generic_candidates
 from identification.inverse_dynamics import inverse_dynamics
-from testbench.effects.signature import AT_ONCE
+from testbench.effects.columns import AT_ONCE
 from testbench.log import Recording
 from testbench.robot import Robot
 
-RATE, SAMPLES = 200.0, 8 * AT_ONCE
-# What a run keeps of itself: load, direction, predicted torque and residual; with what making them takes.
+RATE, SAMPLES = 200.0, 4 * AT_ONCE
+# In signals of both joints. What a run keeps of itself: load, direction, predicted torque and residual; with
+# what making them takes.
 OF_A_RUN = 8
-# Load and two of its derivatives by each of q, dq and ddq of the joint, and of one that another thread makes.
-DERIVATIVES = 2 * 9
-# Columns of both joints that each of two threads has at a time, and what they are made of.
-COLUMNS = 2 * 6
+# Of each joint three derivatives of the load that are kept, and as many while they are made.
+DERIVATIVES = 2 * 6
+# Columns that each of two threads has at a time, and what they are made of.
+COLUMNS = 2 * 10
 
 
 @pytest.fixture(scope="module")
 def long_run(arm: Robot) -> Prepared:
-    """Sines of both joints for twenty minutes, with the torque of the model."""
+    """Sines of both joints for eleven minutes, with the torque of the model."""
     time = np.arange(SAMPLES) / RATE
     turns, phases = 2 * np.pi * np.array([0.23, 0.37]), np.array([0.0, 1.0])
     angle = turns * time[:, None] + phases
@@ -46,7 +47,8 @@ def _beyond_what_is_kept(make: Callable[[], list[Candidate]]) -> tuple[float, fl
 
 
 def test_effects_hold_a_few_columns_at_the_full_rate(long_run: Prepared) -> None:
-    names = ["gravity_spring", "encoder_eccentricity", "stribeck_friction", "thermal_friction_drift"]
+    names = ["gravity_spring", "encoder_eccentricity", "stribeck_friction", "nonlinear_viscous_friction"]
+    names += ["thermal_friction_drift", "cable_spring", "joint_elasticity", "joint_coupling", "torque_delay"]
     peak, whole = _beyond_what_is_kept(lambda: candidates(long_run, only=names))
     most = (OF_A_RUN + DERIVATIVES + COLUMNS) * long_run.runs[0].logged.q.nbytes
     assert peak < most < whole / 2
