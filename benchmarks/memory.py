@@ -53,6 +53,7 @@ class Case:
 
 CASES = (
     Case("60 s at 10 kHz, ten joints", "identify", True, 1, 60.0, 10_000.0),
+    Case("60 s at 10 kHz, ten joints", "diagnose", True, 1, 60.0, 10_000.0),
     Case("20 runs of 10 s at 1 kHz, ten joints", "diagnose", True, 20, 10.0, 1000.0),
     Case("half an hour at 500 Hz, six joints", "identify", False, 1, 1800.0, 500.0),
     Case("one hour at 500 Hz, six joints", "identify", False, 1, 3600.0, 500.0),
