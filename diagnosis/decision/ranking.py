@@ -92,8 +92,6 @@ def _why_not_told(found: Attribution, item: Accepted) -> str:
     if item.is_suspected:
         likely = f"a fault with {item.fault:.0%}, and stated from {STATED:.0%} on"
         return f"fitted, but healthy joints may have as much: {likely}"
-    if (family.effect, family.joint) in {(each.nearest, each.joint) for each in found.unknown}:
-        return "fitted, but leaves too much of the gap"
     if family.joint in {each.joint for each in found.unknown}:
         return "fitted, beside what no effect explains at its joint"
     return "fitted, but no more than healthy robots have or a law's rest"

@@ -22,7 +22,6 @@ from ..model.effect_sizes import is_beyond_healthy, is_excessive, times_healthy
 from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from ..plausibility.accepted import Accepted, is_rest, without_one
 from ..plausibility.materiality import SMALLEST_WALD, is_certainly_beyond
-from ..plausibility.prominence import is_main
 from .found import Found
 from .probability import STATED, Size, fault_probability
 
@@ -36,17 +35,10 @@ NEARLY_ALL = 0.8
 AT_LAST = 9.0
 
 
-def accepted_as(
-    found: Found,
-    stage: Stage,
-    apart: Stage,
-    sized: Robot,
-    before: Sequence[Accepted],
-    rest: Sequence[Weighed],
-) -> Accepted:
-    """The effect that a round has found, as an accepted one, and whether it is reported.
+def accepted_as(found: Found, stage: Stage, apart: Stage, sized: Robot) -> Accepted:
+    """The effect that a round has found, as an accepted one, and whether it may be reported.
 
-    apart: the stage before any effect of the joints. rest: candidates for what it leaves unexplained.
+    apart: the stage before any effect of the joints.
     """
     best, torque_rms = found.best, stage.ground.torque_rms
     own = best.candidate, found.trial[1].values[-best.candidate.count :]
@@ -56,9 +48,6 @@ def accepted_as(
     beyond = all(is_beyond_healthy(sized, torque_rms, *each) for each in (own, *as_well))
     beyond = beyond and not is_excessive(sized, *own, share)
     beyond = beyond and not is_how_runs_begin(stage.prepared, best.candidate)
-    # What a push leaves is where it was.
-    firsts = [a.candidate for a in before if a.named and not a.candidate.is_event]
-    main = is_main(sized, apart, stage, best, firsts, rest)
     certain = found.is_certain(stage)
     samples = stage.independent[list(best.candidate.member.rows)]
     # An effect of the whole robot shows at all joints.
@@ -76,7 +65,7 @@ def accepted_as(
         share=share,
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
         shift=gained_by_shift(stage, best.gain),
-        named=bool(beyond and main and certain and enough),
+        named=bool(beyond and certain and enough),
         is_certain=certain,
         is_trace=found.is_trace,
     )
@@ -90,27 +79,20 @@ def is_how_runs_begin(prepared: Prepared, each: Candidate) -> bool:
     return each.is_event and begin_with_runs([run.logged for run in prepared.runs], each.member.columns)
 
 
-def judged_again(
-    base: Ground, sized: Robot, accepted: Sequence[Accepted], rest: Sequence[Weighed]
-) -> list[Accepted]:
+def judged_again(base: Ground, sized: Robot, accepted: Sequence[Accepted]) -> list[Accepted]:
     """The accepted effects with those before a push judged again with it fitted, since it hides the others.
 
-    The push is the last one; limits are judged where they are searched for. rest: as of ``accepted_as``.
+    The push is the last one; limits are judged where they are searched for.
     """
     found, apart = list(accepted), _of_robots(base, accepted)
     for place, item in enumerate(accepted[:-1]):
         if item.candidate.family.effect != SATURATION:
-            found[place] = _judged_beside(apart, sized, found, place, rest)
+            found[place] = _judged_beside(apart, sized, found, place)
     return found
 
 
-def told_apart_at_last(
-    last: Stage, sized: Robot, accepted: Sequence[Accepted], rest: Sequence[Weighed]
-) -> list[Accepted]:
-    """The accepted effects with those not yet reported judged again, now with all later effects fitted.
-
-    rest: as of ``accepted_as``.
-    """
+def told_apart_at_last(last: Stage, sized: Robot, accepted: Sequence[Accepted]) -> list[Accepted]:
+    """The accepted effects with those not yet reported judged again, now with all later effects fitted."""
     base, values, found = last.ground, last.fitted.values, list(accepted)
     hidden = [
         place
@@ -121,7 +103,7 @@ def told_apart_at_last(
     ]
     apart = _of_robots(base, accepted) if hidden else last
     for place in hidden:
-        again = _judged_beside(apart, sized, found, place, rest)
+        again = _judged_beside(apart, sized, found, place)
         if again.named:
             found[place] = again
     return found
@@ -133,11 +115,9 @@ def _of_robots(base: Ground, accepted: Sequence[Accepted]) -> Stage:
     return Stage.of(base, robots)
 
 
-def _judged_beside(
-    apart: Stage, sized: Robot, accepted: Sequence[Accepted], place: int, rest: Sequence[Weighed]
-) -> Accepted:
-    """One effect judged again with all other accepted ones fitted. apart, rest: as of ``accepted_as``."""
-    item, others, base = accepted[place], [*accepted[:place], *accepted[place + 1 :]], apart.ground
+def _judged_beside(apart: Stage, sized: Robot, accepted: Sequence[Accepted], place: int) -> Accepted:
+    """One effect judged again with all other accepted ones fitted. apart: as of ``accepted_as``."""
+    item, base = accepted[place], apart.ground
     stage = Stage(base, *without_one(base.prepared, accepted, place))
     gain = stage.gain(item.candidate)
     if gain is None:
@@ -145,7 +125,7 @@ def _judged_beside(
     trial = stage.with_effects([item.candidate])
     gain = stage.as_fitted(gain, trial)
     best = Weighed(gain, gained(stage, gain))
-    return accepted_as(Found(best, item.rivals, trial), stage, apart, sized, others, rest)
+    return accepted_as(Found(best, item.rivals, trial), stage, apart, sized)
 
 
 def likely_faults(

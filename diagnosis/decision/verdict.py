@@ -49,7 +49,7 @@ def _closes_more(found: Attribution) -> bool:
     misfits = [
         (FAR_LESS if item.regime == NOTHING else 1.0) * item.share * before[item.joint] ** 2
         for item in found.unknown
-        if item.regime != NOTHING or not (pushed or item.nearest)
+        if item.regime != NOTHING or not pushed
     ]
     return max(item.worth for item in named) > max(misfits, default=0.0)
 

@@ -26,10 +26,7 @@ LATE_ALONE = 4.5
 # Bristles bear all of a joint's Coulomb friction; what gives way with less of it is another hysteresis.
 # And an encoder that counts in no less than a part of their displacement looks like them.
 BRISTLES, SMALLEST_LEVEL, COUNTS = "presliding_hysteresis", 0.55, 2.5
-# Springs that hold this share of what the drive can are met on any arm.
-SPRINGS, HELD = (CABLE, "gravity_spring"), 0.3
-# And of a law beside an effect's first, but for cables, which rub and harden as they are.
-LARGEST_BY_LAW = 3.0
+SPRINGS = CABLE, "gravity_spring"
 # A spring that holds less than this share of the Coulomb friction may be any cable.
 SPRING, SPRING_COULOMB = "gravity_spring", 0.1
 OF_THE_LOAD = "load_dependent_friction"
@@ -86,7 +83,7 @@ def times_healthy(robot: Robot, torque_scale: Array, candidate: Candidate, coeff
 
 
 def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> bool:
-    """Whether the effect's parameters are within the bounds that the catalogue and experience give them."""
+    """Whether the effect's parameters are within their bounds, and a payload's centre where a tool can be."""
     family, values = candidate.family, quantities(candidate, coefficients)
     for parameter in effect(family.effect).DESCRIPTION.parameters:
         if parameter.name in values:
@@ -96,26 +93,7 @@ def is_plausible(robot: Robot, candidate: Candidate, coefficients: Array) -> boo
     if family.effect == PAYLOAD:
         moment = float(np.linalg.norm(values["first_moment"].value))
         return moment <= TOOL_REACH * arm_length(robot.chain) * _number(values["mass"])
-    is_first = candidate.member.law is None or family.effect == CABLE
-    description = effect(family.effect).DESCRIPTION
-    largest = description.largest if is_first else LARGEST_BY_LAW
-    if np.isfinite(largest):
-        parameter = description.parameters[0]
-        mild, severe = typical_range(parameter, robot, family.joint)
-        amount = _number(values[parameter.name])
-        if family.effect == OFFSET and _is_taken_at_its_size(candidate):
-            return True
-        if family.effect == CABLE:
-            amount *= _lever(robot, candidate, values)
-        if family.effect in SPRINGS and amount <= HELD * scale_of("torque_limit", robot, family.joint):
-            return True
-        return amount <= largest * severe if severe >= mild else amount >= severe / largest
     return True
-
-
-def _is_taken_at_its_size(candidate: Candidate) -> bool:
-    """Whether its one column holds near a size that was found apart, however large."""
-    return bool(candidate.member.lower[0] > 0 or candidate.member.upper[0] < 0)
 
 
 def quantities(candidate: Candidate, coefficients: Array) -> dict[str, Quantity]:

@@ -143,7 +143,7 @@ def _joints(diagnosis: Diagnosis) -> list[dict[str, object]]:
 
 
 def _notes(diagnosis: Diagnosis) -> list[str]:
-    """What else is to be known, a sentence each."""
+    """All else that is to be known, a sentence each."""
     return [
         *diagnosis.notes,
         *words.untold(diagnosis),

@@ -97,10 +97,6 @@ def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
 
 def unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
     """Phrase on a residual that no effect explains: its joint, what it follows, and a likely cause."""
-    if item.nearest is not None:
-        nearest = f"{robot.joint_names[item.joint]} {item.nearest.replace('_', ' ')} comes nearest"
-        left = f"leaves {np.sqrt(item.share):.0%} of the gap"
-        return f"{nearest} and {left}: no effect of the catalogue explains it"
     if item.regime == NOTHING and item.share < NEXT_TO_NOTHING:
         joint = robot.joint_names[item.joint]
         return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"

@@ -71,8 +71,7 @@ class Unclaimed:
     """A joint's index, the regime in words, and the share of its gap that follows it.
 
     frequency: Hz, where most of that shakes at one. period: in words, where much of it repeats with the
-    position. nearest: the effect that explains most of it by all runs, and whose name does not hold on those
-    left out.
+    position.
     """
 
     joint: int
@@ -80,7 +79,6 @@ class Unclaimed:
     share: float
     frequency: float | None = None
     period: str | None = None
-    nearest: str | None = None
 
 
 def foretold_shares(stage: Stage, free: Bank) -> Array:

@@ -49,7 +49,7 @@ def concluded(grown: Grown, sought: Sought) -> Attribution:
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, grown.banks.proposals) if w.candidate.place not in taken]
     accepted = likely_faults(sized, hypothesis, fitted, accepted, open_)
-    accepted = told_apart_at_last(last, sized, accepted, grown.weighed)
+    accepted = told_apart_at_last(last, sized, accepted)
     accepted = likely_faults(sized, hypothesis, fitted, accepted, open_)
     certain = [a.candidate for a in accepted if a.is_certain]
     sure = None if len(certain) == len(accepted) else Stage.of(base, certain)
@@ -97,7 +97,7 @@ def _kept(grown: Grown, sought: Sought) -> tuple[list[Accepted], Design, Fit]:
 
 
 def _like_nothing(last: Stage, left: Sequence[Unclaimed], imitated: Sequence[Unclaimed]) -> list[Unclaimed]:
-    """What is left, with a line or a period where it has one; not where it is like something that is told."""
+    """Unexplained residuals, each with its line or period; none where it is like something that is told."""
     misfits = [with_its_period(last, with_its_line(last, each)) for each in left]
     alike = {each.joint for each in imitated}
     return [each for each in misfits if each.regime != NOTHING or each.joint not in alike]

@@ -125,10 +125,10 @@ def _with(grown: Grown, found: Found, search: Search, sought: Sought) -> Grown:
         banks = Banks.beside(Bank(base, sought.catalogue), base, sought.motions)
     stage = Stage(base, hypothesis, fitted)
     weighed = search.open(stage, banks.proposals)
-    own = accepted_as(found, grown.stage, grown.apart, grown.sized, grown.accepted, weighed)
+    own = accepted_as(found, grown.stage, grown.apart, grown.sized)
     accepted = as_of(hypothesis, [*grown.accepted, own])
     if found.best.candidate.is_event:
-        accepted = judged_again(base, grown.sized, accepted, weighed)
+        accepted = judged_again(base, grown.sized, accepted)
     apart = stage if taken_in.joint is None else grown.apart
     return replace(
         grown, stage=stage, apart=apart, accepted=tuple(accepted), weighed=tuple(weighed), banks=banks

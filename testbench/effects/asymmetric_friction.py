@@ -39,7 +39,6 @@ DESCRIPTION = EffectDescription(
     healthy=5.0,
     sizes=("offset", "viscous_difference"),
     least=0.0024,
-    largest=5.0,
 )
 
 

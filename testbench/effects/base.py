@@ -45,8 +45,7 @@ class EffectDescription:
     How large it is on arms: sizes: the parameters whose largest is its size, the first where none is given.
     healthy: what joints of healthy robots reach, as a multiple of the mild end of its typical range; 0 where
     no healthy robot has any. of_sample: the share of a log's sample that is no more than the log's own
-    lateness. least: N·m are judged against at least this share of the joint's torque. largest: beyond this
-    multiple of the severe end no arm has it, and a fit of more imitates something else.
+    lateness. least: N·m are judged against at least this share of the joint's torque.
     """
 
     name: str
@@ -65,7 +64,6 @@ class EffectDescription:
     healthy: float = 0.8
     of_sample: float = 0.0
     least: float = 0.006
-    largest: float = float("inf")
 
     @property
     def size_names(self) -> tuple[str, ...]:

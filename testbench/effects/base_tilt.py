@@ -28,7 +28,6 @@ DESCRIPTION = EffectDescription(
     confused_with=("encoder_offset", "cable_spring", "gravity_spring"),
     loads=True,
     sizes=("roll", "pitch"),
-    largest=3.0,
 )
 
 

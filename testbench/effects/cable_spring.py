@@ -46,9 +46,8 @@ DESCRIPTION = EffectDescription(
     laws=(LINEAR, HYSTERETIC, HARDENING),
     confused_with=("gravity_spring", "asymmetric_friction", "base_tilt"),
     loads=True,
-    # Every arm has a dress pack, and it pulls; cables differ from arm to arm.
+    # Every arm has a dress pack, and it pulls.
     healthy=1.2,
-    largest=10.0,
 )
 
 # Of the hysteretic cable: friction in radians of spring, and the angle within which it yields.

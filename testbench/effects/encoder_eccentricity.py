@@ -49,7 +49,6 @@ DESCRIPTION = EffectDescription(
     of_friction=True,
     # Small errors of an encoder are what other imperfections of a loaded joint look like.
     healthy=500.0,
-    largest=3.0,
 )
 
 # Shape of one that has two: how many.

@@ -26,7 +26,6 @@ DESCRIPTION = EffectDescription(
     loads=True,
     # Small errors of an encoder are what other imperfections of a loaded joint look like.
     healthy=15.0,
-    largest=3.0,
 )
 
 # A change over a known offset holds from it over this to this times it.

@@ -44,8 +44,6 @@ DESCRIPTION = EffectDescription(
     confused_with=("cable_spring", "payload", "encoder_offset", "base_tilt"),
     loads=True,
     hinges_only=True,
-    # Counterbalances differ from arm to arm.
-    largest=10.0,
 )
 
 SINE, GAS_SPRING = DESCRIPTION.laws

@@ -50,8 +50,6 @@ DESCRIPTION = EffectDescription(
     confused_with=("torque_delay", "actuator_lag", "backlash"),
     # By their first law springs that stiffen are fitted two to three times too stiff.
     healthy=0.35,
-    # A wrist's link may be far lighter than the one that its typical range is stated for.
-    largest=6.0,
 )
 
 TWO_MASS, HARDENING, QUASI_STATIC = DESCRIPTION.laws

@@ -48,7 +48,6 @@ DESCRIPTION = EffectDescription(
     confused_with=("stribeck_friction", "backlash"),
     # Any joint may yield by a fifth of a milliradian, and bristles that do not slip at first seem too stiff.
     healthy=0.4,
-    largest=3.0,
 )
 
 LUGRE, ELASTO_PLASTIC, DAHL_EXPONENT = DESCRIPTION.laws[1:]

@@ -43,8 +43,6 @@ DESCRIPTION = EffectDescription(
     confused_with=("presliding_hysteresis", "nonlinear_viscous_friction", "backlash"),
     of_friction=True,
     healthy=1.0,
-    # Where no slow sample counts, any of it seems to leave a little.
-    largest=5.0,
 )
 
 VELOCITIES = (0.03, 0.08, 0.16, 0.3, 0.6)

@@ -28,7 +28,6 @@ DESCRIPTION = EffectDescription(
     # Torque constants are known to two per cent or so, those of the joints beside it too: what is one joint's
     # gain to the model is their difference.
     healthy=2.2,
-    largest=3.0,
 )
 
 

@@ -1,6 +1,5 @@
 """What no effect of the catalogue is, though one was fitted; and a little of one effect alone."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.decision.findings import Gap
-from diagnosis.decision.held_out_check import closed_without_a_name, names_that_hold, pushes_that_hold
+from diagnosis.decision.held_out_check import closed_without_a_name, pushes_that_hold
 from diagnosis.diagnose import diagnose
 from diagnosis.model.candidates import candidates
 from testbench.effects import parse_injection
@@ -41,103 +40,6 @@ def test_a_gap_that_effects_without_a_name_close_is_told_as_unknown(prepared, af
     alike = replace(item, is_everywhere=True, candidate=candidates(prepared, only=["stribeck_friction"])[-1])
     assert alike.candidate.family.joint == 1
     assert not closed_without_a_name([alike], gap, np.array([torque, torque]))
-
-
-@pytest.mark.parametrize(
-    ("after", "elsewhere", "fitted", "floor", "torque", "holds", "unknown"),
-    [
-        (9.9, 1.0, 5.0, 1.0, 50.0, False, [1]),
-        (5.0, 1.0, 5.0, 1.0, 50.0, True, []),
-        # Each run tells something else.
-        (9.9, 1.0, 2.0, 1.0, 50.0, True, []),
-        (9.9, 1.0, 5.0, 4.0, 50.0, True, []),
-        # Of all that the joints leave, this is next to nothing.
-        (9.0, 9.9, 2.0, 1.0, 50.0, False, [1]),
-        # All runs together leave hardly more than noise.
-        (9.0, 9.9, 1.9, 1.0, 50.0, True, []),
-        # And of the joint's torque this is.
-        (9.9, 1.0, 5.0, 1.0, 1000.0, False, []),
-    ],
-)
-def test_a_name_that_leaves_the_gap_as_it_was_does_not_hold(
-    prepared, after, elsewhere, fitted, floor, torque, holds, unknown
-):
-    cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
-    stages = ((12.0, 12.0), (10.0, 10.0), (elsewhere, after), (1.0, floor))
-    push = replace(cable, family=replace(cable.family, effect="external_contact"))
-    item, left = accepted_of(cable), replace(accepted_of(push), share=0.0)
-    gap, scale = Gap(*map(np.array, stages)), np.array([50.0, torque])
-    found, unmet = names_that_hold([item, left], gap, np.array([1.0, fitted]), scale)
-    # A push of that joint would be what it leaves.
-    assert [each.named for each in found] == [holds, holds]
-    assert [each.joint for each in unmet] == unknown
-    assert all(each.nearest == "cable_spring" for each in unmet)
-
-
-@pytest.mark.parametrize(
-    ("after", "fitted", "floor", "torque", "pushed", "holds"),
-    [
-        (5.0, 5.0, 0.9, 50.0, False, False),
-        # All runs together fit it.
-        (5.0, 2.0, 0.9, 50.0, False, True),
-        # Little is left, by the noise, by the gap, by the torque.
-        (4.0, 4.0, 0.9, 50.0, False, True),
-        (2.0, 2.0, 0.3, 50.0, False, True),
-        (5.0, 5.0, 0.9, 1000.0, False, True),
-        # It may be what a push leaves.
-        (5.0, 5.0, 0.9, 50.0, True, True),
-    ],
-)
-def test_a_name_that_leaves_its_joint_far_from_noise_does_not_hold(
-    prepared, after, fitted, floor, torque, pushed, holds
-):
-    cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
-    push = replace(cable, family=replace(cable.family, effect="external_contact", joint=0))
-    gap = Gap(*map(np.array, ((12.0, 12.0), (10.0, 10.0), (1.0, after), (1.0, floor))))
-    accepted = [accepted_of(cable), replace(accepted_of(push), named=pushed, share=0.0)]
-    found, unmet = names_that_hold(accepted, gap, np.array([1.0, fitted]), np.array([50.0, torque]))
-    assert found[0].named == holds
-    assert [each.nearest for each in unmet] == ([] if holds else ["cable_spring"])
-    # Gearboxes that stiffen otherwise leave much.
-    soft = replace(accepted[0], candidate=replace(cable, family=replace(cable.family, effect="backlash")))
-    assert names_that_hold([soft], gap, np.array([1.0, fitted]), np.array([50.0, torque]))[0][0].named
-
-
-@pytest.mark.parametrize(
-    ("cycles", "share", "holds"), [(27.0, 0.93, True), (27.0, 0.85, False), (5.0, 0.93, False)]
-)
-def test_teeth_may_leave_the_harmonics_that_they_have_beyond_two(prepared, cycles, share, holds):
-    ripple = next(c for c in candidates(prepared, only=["transmission_ripple"]) if c.family.joint == 1)
-    teeth = replace(ripple, member=replace(ripple.member, shape={"cycles": cycles}))
-    gap = Gap(*map(np.array, ((12.0, 12.0), (10.0, 10.0), (1.0, 5.0), (1.0, 0.9))))
-    accepted = [replace(accepted_of(teeth), share=share)]
-    found, _ = names_that_hold(accepted, gap, np.array([1.0, 5.0]), np.array([50.0, 50.0]))
-    assert found[0].named == holds
-
-
-@pytest.mark.parametrize(("share", "holds"), [(0.93, True), (0.85, False)])
-def test_a_limit_may_leave_how_it_falls_with_speed(prepared, share, holds):
-    other = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
-    limit = replace(other, family=replace(other.family, effect="torque_saturation"))
-    gap = Gap(*map(np.array, ((12.0, 12.0), (10.0, 10.0), (1.0, 5.0), (1.0, 0.9))))
-    accepted = [replace(accepted_of(limit), share=share)]
-    found, _ = names_that_hold(accepted, gap, np.array([1.0, 5.0]), np.array([50.0, 50.0]))
-    assert found[0].named == holds
-
-
-def test_what_comes_nearest_is_told_with_what_it_leaves(arm, monkeypatch):
-    runs = simulated_runs(arm, [parse_injection(arm, "cable_spring:elbow:stiffness=4.0,rest=0.4")], runs=3)
-    assert [each.effect for each in diagnose(arm, runs).effects] == ["cable_spring"]
-    # As if it left more than a robot's own law does.
-    monkeypatch.setattr("diagnosis.decision.held_out_check.LEFT_FAR_FROM_NOISE", 0.0)
-    monkeypatch.setattr("diagnosis.decision.held_out_check.MOSTLY_CLOSED", 2.0)
-    monkeypatch.setattr("diagnosis.decision.held_out_check.FAR_FROM_NOISE", 0.0)
-    monkeypatch.setattr("diagnosis.decision.held_out_check.LEAST_UNMET", 0.0)
-    found = diagnose(arm, runs)
-    assert found.verdict == "unknown"
-    assert re.match(r"At elbow cable spring comes nearest and leaves \d+% of the gap: ", found.sentence)
-    (reason,) = [each.reason for each in found.ranked if (each.effect, each.joint) == ("cable_spring", 1)]
-    assert reason == "fitted, but leaves too much of the gap"
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from diagnosis.fit.score import Stage
 from diagnosis.model.base_regressor import ground
 from diagnosis.model.candidates import candidates
 from diagnosis.plausibility.materiality import is_material
-from diagnosis.plausibility.prominence import is_main
 from diagnosis.search.growth import attribute
 from testbench.effects import parse_injection
 
@@ -41,15 +40,6 @@ def test_what_acts_near_rest_need_be_little_torque_where_it_is_much_of_what_is_l
     stage, (own, _) = healthy_stage(arm, "stribeck_friction")
     gain = of_size(arm, stage, own, 2.0, torque, left)
     assert is_material(arm, stage, Weighed(gain, 60.0)) == expected
-
-
-@pytest.mark.parametrize(("shift", "expected"), [(0.0, True), (-5.0, False)])
-def test_a_swallowed_spring_brings_the_parameters_nearer_to_the_models(tmp_path, shift, expected):
-    arm = small_arm(tmp_path)
-    text = "gravity_spring:shoulder:stiffness=3,phase=0.7,law=gas_spring"
-    stage, gain = _weighed(arm, text, lambda member: member.law == "gas_spring")
-    swallowed = replace(gain, overlap=0.95, prior=stage.prior + shift)
-    assert is_main(arm, stage, stage, Weighed(swallowed, 500.0), (), ()) == expected
 
 
 @pytest.mark.parametrize(
@@ -82,29 +72,6 @@ def test_what_costs_more_at_other_joints_than_it_explains_at_its_own_is_not_mate
     text = "transmission_ripple:shoulder:amplitude=3,cycles=12"
     stage, gain = _weighed(arm, text, lambda member: True)
     assert is_material(arm, stage, Weighed(gain, score)) == expected
-
-
-@pytest.mark.parametrize(("wald", "expected"), [(25.0, False), (1.0, True)])
-def test_only_what_is_seen_for_sure_elsewhere_keeps_an_effect_from_standing_out(tmp_path, wald, expected):
-    arm = small_arm(tmp_path)
-    stage, gain = _weighed(arm, "transmission_ripple:shoulder:amplitude=3,cycles=12", lambda member: True)
-    other = next(c for c in candidates(stage.prepared, only=["transmission_ripple"]) if c.family.joint == 1)
-    unit = np.eye(gain.candidate.count)
-    elsewhere = replace(gain, candidate=other, coefficients=unit[0], information=wald * unit, objective=wald)
-    weak = replace(gain, held_out=0.1 * stage.held_squares)
-    rest = [Weighed(elsewhere, 40.0)]
-    assert is_main(arm, stage, stage, Weighed(weak, 40.0), (), rest) == expected
-
-
-def test_what_no_imperfection_looks_like_need_not_stand_out(tmp_path):
-    arm = small_arm(tmp_path)
-    stage, gain = _weighed(arm, "encoder_eccentricity:shoulder:amplitude=0.02", lambda member: True)
-    weak = Weighed(replace(gain, held_out=0.04 * stage.held_squares, prior=stage.prior), 30.0)
-    ripple = next(c for c in candidates(stage.prepared, only=["transmission_ripple"]) if c.family.joint == 0)
-    unit = np.eye(ripple.count)
-    alike = replace(weak.gain, candidate=ripple, coefficients=unit[0], information=100 * unit)
-    assert is_main(arm, stage, stage, weak, (), ())
-    assert not is_main(arm, stage, stage, Weighed(alike, 30.0), (), ())
 
 
 @pytest.mark.parametrize(("seconds", "expected"), [(0.0038, []), (0.015, [("actuator_lag", 0)])])
