@@ -11,6 +11,7 @@ from diagnosis.fit.linearisation import first_linearised, linearised_anew
 from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.model.candidates import candidates
 from diagnosis.report.document import write_diagnosis
+from diagnosis.search import growth
 from diagnosis.search.growth import attribute
 from identification.inverse_dynamics import inverse_dynamics
 from identification.parameters import ARMATURE, without_friction
@@ -80,10 +81,23 @@ def test_it_has_a_name_and_another_run_is_foretold_by_it(crane, tmp_path):
     assert left[LIFT] < alone[LIFT]
 
 
-def test_a_zero_that_is_not_among_the_first_that_are_found_is_given_up(crane, monkeypatch):
+def test_a_zero_that_is_not_among_the_first_that_are_found_is_given_up_and_found_as_an_effect(
+    crane, monkeypatch
+):
     ripple = parse_injection(crane, "transmission_ripple:turn:amplitude=40,cycles=15,phase=0.2")
     offset = parse_injection(crane, f"encoder_offset:lift:offset={np.deg2rad(11)}")
-    prepared = prepare(crane, simulated_runs(crane, [offset, ripple], runs=3))
-    assert attribute(prepared).prepared.zeros.any()
-    monkeypatch.setattr("diagnosis.search.growth.FIRST_TAKEN", 1)
-    assert not attribute(prepared).prepared.zeros.any()
+    prepared, begun = prepare(crane, simulated_runs(crane, [offset, ripple], runs=3)), []
+    linearised = growth.first_linearised
+
+    def first_linearised(prepared, seeks_zero):
+        begun.append(seeks_zero)
+        return linearised(prepared, seeks_zero)
+
+    monkeypatch.setattr(growth, "first_linearised", first_linearised)
+    monkeypatch.setattr(growth, "FIRST_TAKEN", 1)
+    found = attribute(prepared)
+    assert begun == [True, False]
+    assert [item.candidate.place[:2] for item in found.accepted if item.named] == [
+        ("transmission_ripple", 0),
+        ("encoder_offset", LIFT),
+    ]

@@ -73,8 +73,8 @@ def test_a_rest_of_a_law_of_position_is_one_whether_it_has_a_name_or_not(prepare
     assert not is_rest(spring, [replace(cable, named=False), spring])
 
 
-@pytest.mark.parametrize(("relative", "expected"), [(0.1, []), (-0.48, [1])])
-def test_a_gain_error_that_no_drive_has_is_none(arm, prepared, relative, expected):
+@pytest.mark.parametrize(("relative", "expected"), [(0.1, []), (-0.6, [1])])
+def test_a_gain_error_beyond_its_bounds_is_none(arm, prepared, relative, expected):
     gain = next(c for c in candidates(prepared, only=["torque_gain_error"]) if c.family.joint == 1)
     hypothesis, fitted = fitted_to(prepared, [gain])
     # The column is the reported torque: what is reported is that of the joint over one and the error.
