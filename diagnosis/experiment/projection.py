@@ -17,7 +17,9 @@ def projected_gram(parts: Iterable[Array], base: int) -> Array:
     parts: the columns' rows (R, c), part by part; all parts but the last have a multiple of BLOCK.
     """
     products = _summed(_products(part) for part in parts)
-    norms = np.maximum(np.sqrt(np.diag(products)), np.finfo(float).tiny)
+    norms = np.sqrt(np.diag(products))
+    # A column of zeros stays one, whatever it is divided by.
+    norms = np.where(norms > 0, norms, 1.0)
     gram = products / np.outer(norms, norms)
     inner = gram[:base, :base] + RIDGE * np.eye(base)
     return np.asarray((gram - gram[:, :base] @ np.linalg.solve(inner, gram[:base])) * np.outer(norms, norms))
