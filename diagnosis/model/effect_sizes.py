@@ -29,8 +29,9 @@ BRISTLES, SMALLEST_LEVEL, COUNTS = "presliding_hysteresis", 0.55, 2.5
 SPRINGS = CABLE, "gravity_spring"
 # A spring that holds less than this share of the Coulomb friction may be any cable.
 SPRING, SPRING_COULOMB = "gravity_spring", 0.1
-OF_THE_LOAD = "load_dependent_friction"
-# No gear warms within so many seconds: what seems to is fitted, but not reported.
+# No gear loses so many times the severe end's share of its load, or warms within so many seconds: what seems
+# to is fitted, but not reported. Worms and small gears lose more; there it explains all but all.
+OF_THE_LOAD, MOST_OF_LOAD = "load_dependent_friction", 1.5
 WARMING, SHORTEST_WARMING = "thermal_friction_drift", 3.5
 # What warms for far longer than the runs last has any drop: it is sized as if with this time constant.
 LONGEST_WARMING = 80.0
@@ -50,13 +51,17 @@ DIFFERENCE = "viscous_difference"
 
 
 def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array, share: float) -> bool:
-    """Whether friction bends or falls with warmth as no gear's does.
+    """Whether friction bends, grows with the load or falls with warmth as no gear's does.
 
     share: of its joint's squared residual that it explains.
     """
     if candidate.family.effect == BENDING:
         much = size(robot, np.zeros(robot.joints), candidate, coefficients) > MOST_BENT
         return much and share < ALL_BUT_ALL
+    if candidate.family.effect == OF_THE_LOAD:
+        (parameter,) = effect(OF_THE_LOAD).DESCRIPTION.parameters
+        _, severe = typical_range(parameter, robot, candidate.family.joint)
+        return float(coefficients[0]) > MOST_OF_LOAD * severe and share < ALL_BUT_ALL
     return candidate.family.effect == WARMING and candidate.member.shape["time_constant"] < SHORTEST_WARMING
 
 

@@ -86,6 +86,9 @@ def test_friction_that_differs_by_direction_is_little_where_all_friction_is(tmp_
 @pytest.mark.parametrize(
     ("name", "shape", "amount", "share", "expected"),
     [
+        ("load_dependent_friction", {}, 0.3, 0.9, True),
+        ("load_dependent_friction", {}, 0.3, 0.98, False),
+        ("load_dependent_friction", {}, 0.15, 0.9, False),
         ("thermal_friction_drift", {"time_constant": 3.0}, 0.5, 0.9, True),
         ("thermal_friction_drift", {"time_constant": 10.0}, 0.5, 0.9, False),
         ("nonlinear_viscous_friction", {"exponent": 2.0}, 20.0, 0.9, True),
