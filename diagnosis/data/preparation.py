@@ -173,6 +173,12 @@ class Prepared:
         together = self.moved & (self.moved.sum(axis=1, keepdims=True) > 1)
         return np.asarray((self.joints > 1) & self.moved.any(axis=0) & ~together.any(axis=0))
 
+    def runs_with(self, joint: int | None, into: int | None = None) -> int:
+        """The number of runs in which a joint moves, both of a pair; for the robot, its most moved joint."""
+        if joint is None:
+            return int(self.moved.sum(axis=0).max())
+        return int(np.all(self.moved[:, [joint] if into is None else [joint, into]], axis=1).sum())
+
     def moves(self, joint: int | None, into: int | None = None) -> bool:
         """Whether a joint moves in some run, both of a pair in the same one; the robot does."""
         needed = [each for each in (joint, into) if each is not None]

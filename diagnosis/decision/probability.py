@@ -55,7 +55,7 @@ def fault_probability(own: Size, seen: Sequence[Size], share: float, shift: floa
     seen: what was found on this robot; the same effect at other joints counts. share: of its joint's held-out
     squared residual that it explains. shift: log-likelihood of the parameters' shift that it spares.
     """
-    doubts = MODEL_HOLDS * (ONE_RUN if runs == 1 else 1.0)
+    doubts = MODEL_HOLDS * (ONE_RUN if runs < 2 else 1.0)
     if not np.isfinite(own.times):
         # No healthy robot has any of it.
         return doubts

@@ -139,7 +139,8 @@ def likely_faults(
 
     open_: effects that were not accepted, whose sizes tell as well how imperfect this robot's joints are.
     """
-    torque_rms, runs = ground(hypothesis.prepared).torque_rms, len(hypothesis.prepared.runs)
+    prepared = hypothesis.prepared
+    torque_rms = ground(prepared).torque_rms
 
     def size(candidate: Candidate, coefficients: Array) -> Size:
         times = times_healthy(sized, torque_rms, candidate, coefficients)
@@ -150,6 +151,9 @@ def likely_faults(
     others = [size(w.candidate, w.gain.coefficients) for w in open_ if w.gain.wald > SMALLEST_WALD]
     found, before = [], 0.0
     for item, own in zip(accepted, sizes, strict=True):
+        family = item.candidate.family
+        # A joint that moves in one run alone has one, however many there are of the others.
+        runs = prepared.runs_with(family.joint, family.into)
         # Parameters brought back from where earlier effects had moved them speak for nothing.
         shift = item.shift + min(before, 0.0)
         before += item.shift

@@ -62,6 +62,10 @@ def test_joints_that_never_move_together_have_no_coupling(arm):
     prepared = prepare(arm, runs)
     assert not prepared.still
     assert not candidates(prepared, only=["joint_coupling"])
+    # Of two runs each joint has one, and so has the robot.
+    assert [prepared.runs_with(joint) for joint in (0, 1, None)] == [1, 1, 1]
+    assert prepared.runs_with(0, 1) == 0
+    assert prepare(arm, simulated_runs(arm, [], runs=2)).runs_with(0, 1) == 2
     assert candidates(prepare(arm, simulated_runs(arm, [], runs=2)), only=["joint_coupling"])
 
 
