@@ -17,6 +17,7 @@ from identification.filtering import decimation_step
 from identification.models import POSITION_BAND, Preprocessing
 from identification.parameters import PER_JOINT
 from identification.regressor import regressor
+from identification.signals import Signals
 from identification.springs import spring_torque
 from testbench.effects.columns import Window
 from testbench.effects.logged import Logged, body_in_link
@@ -319,33 +320,7 @@ def _run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> Run:
         needed = 2 * filters[0].reach + SMALLEST_RUN * filters[0].step
         lowest = float(cutoffs.min())
         raise InputError(log.name, "time", f"at least {needed} samples for a {lowest:.3g} Hz filter", samples)
-    body_rotation, body_origin = body_in_link(robot, robot.joints - 1)
-    logged = Logged(
-        chain=robot.chain,
-        parameters=robot.parameters,
-        nominal=robot.parameters,
-        limits=robot.limits,
-        time=recording.time[0] + np.arange(samples) / rate,
-        sample_rate=rate,
-        cutoff=POSITION_BAND * cutoff,
-        q=signals.q,
-        dq=signals.dq,
-        ddq=signals.ddq,
-        tau=signals.tau,
-        temperature=recording.temperature,
-        torque_command=recording.torque_command,
-        reference_position=recording.reference_position,
-        reference_velocity=recording.reference_velocity,
-        reference_acceleration=recording.reference_acceleration,
-        body_rotation=body_rotation,
-        body_origin=body_origin,
-    )
-    count = PER_JOINT * robot.joints
-    base = tuple(np.empty((len(kept), count - PER_JOINT * joint)) for joint in range(robot.joints))
-    for decimated, part in parts(filters[0], samples):
-        rows = regressor(robot.chain, signals.q[part], signals.dq[part], signals.ddq[part])
-        for joint, own in enumerate(base):
-            filters[joint].into(rows[:, joint, PER_JOINT * joint :], own[decimated])
+    logged = _logged(robot, recording, signals, rate, POSITION_BAND * cutoff)
     run = Run(
         name=log.name,
         logged=logged,
@@ -356,7 +331,7 @@ def _run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> Run:
         dq=signals.dq[kept],
         ddq=signals.ddq[kept],
         torque=filtered(filters, signals.tau - spring_torque(robot.chain.springs, signals.q)),
-        rows=base,
+        rows=_regressor_rows(robot, signals, filters, len(kept)),
         whole=np.ones((len(kept), robot.joints), bool),
         used=np.ones((len(kept), robot.joints), bool),
         smear=_smear(rate, cutoffs),
@@ -370,6 +345,44 @@ def _run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> Run:
     whole = np.column_stack([run.apart_from(made_up, j) for j in range(robot.joints)])
     used = np.column_stack([run.away_from(j, DEAD_ZONE) for j in range(robot.joints)])
     return replace(run, whole=whole, used=whole & used & is_moving(log.motion, run.q, log.position_step))
+
+
+def _logged(robot: Robot, recording: Recording, signals: Signals, rate: float, cutoff: float) -> Logged:
+    """Signals of a run at the full rate beside its model. cutoff: Hz, of the positions."""
+    body_rotation, body_origin = body_in_link(robot, robot.joints - 1)
+    return Logged(
+        chain=robot.chain,
+        parameters=robot.parameters,
+        nominal=robot.parameters,
+        limits=robot.limits,
+        time=recording.time[0] + np.arange(len(signals.q)) / rate,
+        sample_rate=rate,
+        cutoff=cutoff,
+        q=signals.q,
+        dq=signals.dq,
+        ddq=signals.ddq,
+        tau=signals.tau,
+        temperature=recording.temperature,
+        torque_command=recording.torque_command,
+        reference_position=recording.reference_position,
+        reference_velocity=recording.reference_velocity,
+        reference_acceleration=recording.reference_acceleration,
+        body_rotation=body_rotation,
+        body_origin=body_origin,
+    )
+
+
+def _regressor_rows(
+    robot: Robot, signals: Signals, filters: Sequence[DecimatingFilter], kept: int
+) -> tuple[Array, ...]:
+    """Rows of the standard regressor, as of ``Run``, made and filtered a part at a time. kept: M."""
+    count = PER_JOINT * robot.joints
+    found = tuple(np.empty((kept, count - PER_JOINT * joint)) for joint in range(robot.joints))
+    for decimated, part in parts(filters[0], len(signals.q)):
+        rows = regressor(robot.chain, signals.q[part], signals.dq[part], signals.ddq[part])
+        for joint, own in enumerate(found):
+            filters[joint].into(rows[:, joint, PER_JOINT * joint :], own[decimated])
+    return found
 
 
 def _smear(rate: float, cutoffs: Array) -> NDArray[np.int64]:

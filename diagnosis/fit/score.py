@@ -201,6 +201,17 @@ class Stage:
             for f, left_out in enumerate(c):
                 own_held[members] -= np.einsum("ca,cjab,cb->cj", left_out, own_squares[:, f], left_out)
         held_out = own_held + self._held_out_by_moving(bank, sums, through_apart, apart)
+        return self._listed(bank, through, coefficients, held_out, solved)
+
+    def _listed(
+        self,
+        bank: Bank,
+        through: Array,
+        coefficients: Array,
+        held_out: Array,
+        solved: dict[int, tuple[float, float, Array]],
+    ) -> list[Gain | None]:
+        """The gains of those candidates that were solved, in the bank's order; None for the others."""
         values = np.repeat(self.fitted.values[:, None], len(bank.candidates), axis=1)
         np.add.at(values.T, bank.owner, -(through * coefficients).T)
         prior = log_prior(self.hypothesis, values)
