@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from identification.errors import InputError
+from identification.inverse_dynamics import inverse_dynamics
 from testbench.cli import main
 from testbench.jobs.simulate import torque_noise
 from testbench.log import read_log
@@ -140,17 +141,43 @@ def test_a_log_slower_than_its_loop_has_the_mean_torque_of_its_own_period(tmp_pa
 
 
 def test_damping_that_stops_a_light_link_within_a_step_is_resolved(tmp_path: Path) -> None:
-    # 0.5 N·m·s/rad on 1e-5 kg·m²: 20 µs.
-    damped = robot_from(light_tip(0.5), tmp_path)
+    # 0.05 N·m·s/rad on 1e-5 kg·m²: 200 µs.
+    damped = robot_from(light_tip(0.05), tmp_path)
     options = SimulationOptions(physics_timestep=2e-4)
     fine = resolved(options, damped)
-    assert fine.physics_timestep < 1e-5
-    assert fine.substeps * fine.physics_timestep == pytest.approx(1e-3)
+    assert 1e-5 < fine.options.physics_timestep < 1e-4
+    assert fine.options.substeps * fine.options.physics_timestep == pytest.approx(1e-3)
+    assert not fine.implicit.any()
     (recording,) = simulate(damped, [sample_reference(NODS, 1000)], options)
     assert tracking(recording, damped.limits.torque).share.max() < 0.05
+
+
+@pytest.mark.parametrize("damping", [0.5, 5.0])
+def test_damping_that_stops_a_light_link_at_once_is_stepped_implicitly(
+    damping: float, tmp_path: Path
+) -> None:
+    # 20 and 2 µs on 1e-5 kg·m².
+    damped = robot_from(light_tip(damping), tmp_path)
+    options = SimulationOptions(physics_timestep=2e-4)
+    fine = resolved(options, damped)
+    step = fine.options.physics_timestep
+    assert step == pytest.approx(1e-5)
+    smallest = controller_gains(fine.options, damped).smallest[1]
+    share = max(0.5, 1 - smallest / (damping * step))
+    np.testing.assert_allclose(fine.implicit, [0, share * step * damping], rtol=1e-9)
+    (recording,) = simulate(damped, [sample_reference(NODS, 1000)], options)
+    assert tracking(recording, damped.limits.torque).share.max() < 0.05
+    # The torque of the run is that of the model along the very motion, but for what half a step is late by.
+    truth = recording.truth
+    motion = truth["position"], truth["velocity"], truth["acceleration"]
+    expected = inverse_dynamics(damped.chain, damped.parameters, *motion)
+    late = step * damping * np.abs(truth["acceleration"][:, 1]).max()
+    error = np.abs(truth["torque"] - expected)[100:]
+    assert error[:, 1].max() < late + 1e-4
+    assert error[:, 0].max() < 1e-3 * np.abs(expected[:, 0]).max()
     # The loop is as stiff as its damping asks for.
-    kp, w = controller_gains(fine, damped).kp[1], 2 * np.pi * 6
-    assert kp == pytest.approx(0.5 * w / 2)
+    kp, w = controller_gains(fine.options, damped).kp[1], 2 * np.pi * 6
+    assert kp == pytest.approx(damping * w / 2)
 
 
 def test_links_too_light_for_any_loop_are_refused_by_name(tmp_path: Path) -> None:

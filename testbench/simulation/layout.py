@@ -8,7 +8,7 @@ import numpy as np
 
 from ..native import pointer_to
 
-CONSTANTS = 10
+CONSTANTS = 11
 (
     VISCOUS,
     COULOMB,
@@ -18,6 +18,7 @@ CONSTANTS = 10
     ENCODER_QUANTUM,
     ARMATURE,
     SPLIT,
+    IMPLICIT,
     CONTACT_STIFFNESS,
     CONTACT_DAMPING,
 ) = range(CONSTANTS)

@@ -49,6 +49,14 @@ def plant_model(model: Any, timestep: float) -> Any:
     return plant
 
 
+def add_to_diagonal(plant: Any, inertia: Array) -> None:
+    """Add to the diagonal of the plant's mass matrix, in place; inertia: (n,) kg·m² (kg)."""
+    if np.any(inertia):
+        plant.dof_armature[:] += inertia
+        # MuJoCo keeps the inertia of a joint with nothing behind it, rotor included, as a constant.
+        mujoco.mj_setConst(plant, mujoco.MjData(plant))
+
+
 def resting_pose(
     plant: Any, reference: Array, feedforward: Array, kp: Array, torque_limit: Array, standstill: Standstill
 ) -> tuple[Array, Array, Array]:

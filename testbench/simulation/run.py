@@ -19,7 +19,7 @@ from . import layout
 from .batch import Loop, run_loops
 from .controller import MODEL, feedforward, velocity_pole
 from .options import SimulationOptions
-from .plant import plant_model, resting_pose
+from .plant import add_to_diagonal, plant_model, resting_pose
 from .reference import Reference
 from .sensors import centred_torque, encoder_quantum, measured_torque, per_joint, white_noise
 from .steady import controller_gains, resolved
@@ -103,7 +103,8 @@ class _Run:
         for source, joints in (("references", reference.joints), ("nominal model", nominal.joints)):
             if joints != n:
                 raise InputError("simulation", source, f"{n} joints, as the robot has", joints)
-        options = resolved(options, robot)
+        damped = resolved(options, robot)
+        options = damped.options
         self.robot, self.reference, self.options, self.stream = robot, reference, options, stream
         sensors, controller = options.sensors, options.controller
         self.deviation = self._torque_deviation()
@@ -120,6 +121,9 @@ class _Run:
         step = 1 / (controller.rate * options.substeps)
         plant = plant_model(robot.model, step)
         unmodelled = put_in(options.effects, robot, plant, step, controller.rate, beside)
+        # Friction acts on the motor, where that moves apart from the link.
+        on_motor = np.where(unmodelled.split, damped.implicit, 0.0)
+        add_to_diagonal(plant, damped.implicit - on_motor)
         limit = nominal.limits.torque
         pose, windup, self.hold = resting_pose(
             plant, reference.position[0], at_rest, self.kp, limit, unmodelled.standstill
@@ -130,7 +134,8 @@ class _Run:
         constants[layout.KP], constants[layout.KD] = self.kp, self.kd
         constants[layout.TORQUE_LIMIT] = limit
         constants[layout.ENCODER_QUANTUM] = encoder_quantum(sensors, robot.chain.is_slide)
-        constants[layout.ARMATURE], constants[layout.SPLIT] = unmodelled.armature, unmodelled.split
+        constants[layout.ARMATURE] = unmodelled.armature + on_motor
+        constants[layout.SPLIT], constants[layout.IMPLICIT] = unmodelled.split, damped.implicit
         constants[layout.CONTACT_STIFFNESS] = unmodelled.stiffness
         constants[layout.CONTACT_DAMPING] = unmodelled.damping
         # A position servo is not told how fast to go.

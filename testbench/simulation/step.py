@@ -156,6 +156,9 @@ def _fill(
             speed = memory[layout.MOTOR_VELOCITY, j]
         # Adams-Bashforth: the velocity half a step on, where the leapfrog takes its forces.
         row[rows.VELOCITY] = 1.5 * speed - 0.5 * memory[layout.LAST_VELOCITY, j]
+        if constants[layout.IMPLICIT, j] > 0.0:
+            # The mass matrix has the rest of the step in it.
+            row[rows.VELOCITY] = speed
         memory[layout.LAST_VELOCITY, j] = speed
         row[rows.STATIC_LOAD] = bias[j] - passive[j]
         row[rows.COMMAND] = row[rows.DRIVE] = memory[layout.HELD_COMMAND, j]
