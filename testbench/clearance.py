@@ -30,6 +30,8 @@ REACH = 0.15
 # Random configurations over the whole range, and the quantile of a pair's distances there that counts as how
 # far apart it can be without much ado.
 CONFIGURATIONS, QUANTILE = 500, 0.9
+# m: shapes that are never further apart touch, as far as meshes tell.
+TOUCH = 2e-4
 WITHOUT_VOLUME = {int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)}
 
 _library = ctypes.CDLL(mujoco._functions.__file__)
@@ -106,9 +108,9 @@ def robot_clearance(robot: Robot, required: float) -> RobotClearance | None:
 def clearance_of(robot: Robot, required: float) -> tuple[RobotClearance | None, tuple[str, ...]]:
     """Clearance over the collision pairs that can be apart, and sentences on those that cannot be so far.
 
-    A pair that touches in all of CONFIGURATIONS, as shapes do that overlap where links are joined, is left
-    out. One that is seldom twice as far apart as required is asked for half of what it can be, see QUANTILE,
-    else next to no motion would be left. Raises InputError as ``_all_pairs``.
+    A pair that is within TOUCH in all of CONFIGURATIONS, as shapes are that meet where links are joined, is
+    left out. One that is seldom twice as far apart as required is asked for half of what it can be, see
+    QUANTILE, else next to no motion would be left. Raises InputError as ``_all_pairs``.
     """
     everything = _all_pairs(robot, required)
     if everything is None:
@@ -121,7 +123,7 @@ def clearance_of(robot: Robot, required: float) -> tuple[RobotClearance | None, 
     draw = generator.uniform(limits.lower, limits.upper, (CONFIGURATIONS, robot.joints))
     distances = everything.distances(draw)
     largest, usual = distances.max(axis=0), np.quantile(distances, QUANTILE, axis=0)
-    can = largest > 0
+    can = largest > TOUCH
     own = np.minimum(required, np.where(usual > 0, usual, largest) / 2)
     notes = []
     if not np.all(can):

@@ -106,21 +106,22 @@ class FeasibleMotions:
 def resting_centres(
     chain: Chain, parameters: Array, limits: Limits, clearance: Clearance | None, seed: int
 ) -> Array:
-    """Configurations (K, n) in which the arm can rest: the middle of its range if it can there, else random.
+    """Configurations (K, n) in which the arm can rest: about the middle of its range, else anywhere in it.
 
     Raises InputError that names the limit which forbids rest, and what would satisfy it.
     """
     rng = np.random.default_rng(seed)
     middle, half = (limits.lower + limits.upper) / 2, (limits.upper - limits.lower) / 2
-    q = middle + CENTRE_SHARE * half * rng.uniform(-1, 1, (CONFIGURATIONS, chain.joints))
-    torque = holding_torque(chain, parameters, q)
-    shortage = torque - limits.torque
-    if clearance is not None:
-        distances = clearance.distances(q)
-        shortage = np.hstack([shortage, clearance.required - distances])
-    possible = np.all(shortage <= 0, axis=1)
-    if possible.any():
-        return q[possible]
+    for share in (CENTRE_SHARE, 1.0):
+        q = middle + share * half * rng.uniform(-1, 1, (CONFIGURATIONS, chain.joints))
+        torque = holding_torque(chain, parameters, q)
+        shortage = torque - limits.torque
+        if clearance is not None:
+            distances = clearance.distances(q)
+            shortage = np.hstack([shortage, clearance.required - distances])
+        possible = np.all(shortage <= 0, axis=1)
+        if possible.any():
+            return q[possible]
     worst = int(np.argmax((shortage > 0).mean(axis=0)))
     if clearance is None or worst < chain.joints:
         field = f"torque limit of {chain.joint_names[worst]} times limit_share"
