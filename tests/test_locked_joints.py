@@ -166,6 +166,17 @@ def test_a_mimic_gripper_of_a_urdf_is_held_within_its_range(tmp_path: Path) -> N
     np.testing.assert_allclose(_torques(robot, motion), expected, rtol=0, atol=1e-9)
 
 
+def test_a_gripper_whose_followers_the_file_has_fixed_is_held(tmp_path: Path) -> None:
+    links = "".join(LINK.format(name, mass) for name, mass in (("a", 3), ("b", 0.5), ("c", 0.4)))
+    fixed = FINGERS.replace('<joint name="right" type="revolute">', '<joint name="right" type="fixed">')
+    robot = load_robot(_written(tmp_path, fixed.format(links=links), "arm.urdf"))
+    assert robot.joint_names == ("arm",)
+    assert robot.notes == ("held still at zero, its mass counted: left",)
+    # Named, it moves.
+    asked = load_robot(tmp_path / "arm.urdf", Choice(("arm", "left")))
+    assert asked.joint_names == ("arm", "left")
+
+
 def test_a_follower_that_is_held_while_its_leader_moves_is_said(tmp_path: Path) -> None:
     links = "".join(LINK.format(name, mass) for name, mass in (("a", 3), ("b", 0.5), ("c", 0.4)))
     robot = load_robot(_written(tmp_path, FINGERS.format(links=links), "arm.urdf"), Choice(("arm", "left")))

@@ -75,7 +75,8 @@ def read_model(source: Source) -> Reading:
         asked = source.choice.joints
         if asked is None and set(source.logged or ()) <= set(names):
             asked = source.logged
-        selection = select(whole, asked, source.choice.fix_base)
+        leaders = frozenset() if urdf is None else urdf.leaders
+        selection = select(whole, asked, source.choice.fix_base, leaders)
         notes += lock(spec, whole, selection)
         kept = tuple(names[joint] for joint in selection.kept)
         rated = _rated(whole, urdf, names, kept)
@@ -112,7 +113,10 @@ def _require_masses(model: Any) -> None:
     for joint in range(model.njnt):
         body = int(model.jnt_bodyid[joint])
         if model.body_subtreemass[body] < WEIGHTLESS and model.body_mass[body] > 0:
-            expected = f"mass and inertia: nothing that {joint_label(model, joint)} moves has any"
+            expected = (
+                f"mass and inertia, as nothing that {joint_label(model, joint)} moves has any; "
+                "--joints with the others alone holds it"
+            )
             raise InputError("model", f"inertial of {model.body(body).name}", expected, "none")
 
 

@@ -1,6 +1,6 @@
 """Which joints of a model are the robot, and which are held still."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,13 +35,15 @@ def joint_label(model: Any, joint: int) -> str:
     return model.joint(joint).name or f"joint_{joint + 1}"
 
 
-def select(model: Any, asked: Sequence[str] | None, fix_base: bool) -> Selection:
+def select(
+    model: Any, asked: Sequence[str] | None, fix_base: bool, leaders: Set[str] = frozenset()
+) -> Selection:
     """The robot's joints in a compiled model.
 
     asked: their names. None: all hinges and slides but those of grippers (see ``_of_grippers``), and of
     what floats beside a robot on a fixed base. A floating base is held where ``fix_base``, or where joints
-    are asked for that it carries. Raises InputError for unknown names, and for a floating base that nobody
-    said to hold.
+    are asked for that it carries. leaders: names of joints that others follow which are no joints of the
+    model. Raises InputError for unknown names, and for a floating base that nobody said to hold.
     """
     every = [joint for joint in range(model.njnt) if model.jnt_type[joint] in HINGE_OR_SLIDE]
     floats = {joint: _carried(model, joint) for joint in range(model.njnt) if model.jnt_type[joint] == FREE}
@@ -61,7 +63,7 @@ def select(model: Any, asked: Sequence[str] | None, fix_base: bool) -> Selection
             raise InputError("model", "base", expected, f"{base}, which floats")
         among = set(fixed or floating)
         kept = tuple(joint for joint in every if joint in among)
-        without = _of_grippers(model, set(kept))
+        without = _of_grippers(model, set(kept), leaders)
         kept = tuple(joint for joint in kept if joint not in without)
     if not kept:
         # The chain says what is wrong with that.
@@ -91,14 +93,14 @@ def _carried(model: Any, free: int) -> set[int]:
     }
 
 
-def _of_grippers(model: Any, joints: set[int]) -> set[int]:
+def _of_grippers(model: Any, joints: set[int], leaders: Set[str]) -> set[int]:
     """Joints that others follow or that follow others, beyond which no joint moves by itself: of a gripper.
 
     They are coupled by an active joint equality (a URDF's mimic), or by one fixed tendon, but for one that
-    only brakes, as a drive shared by two joints does. Where other joints lie beyond a coupled one, as in a
-    parallelogram, all of that group stay.
+    only brakes, as a drive shared by two joints does; a leader's followers may be fixed. Where other joints
+    lie beyond a coupled one, as in a parallelogram, all of that group stay.
     """
-    groups: list[set[int]] = []
+    groups = [{joint} for joint in joints if joint_label(model, joint) in leaders]
     for equality in np.flatnonzero((model.eq_type == JOINT_EQUALITY) & model.eq_active0):
         pair = {int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])}
         groups.append(pair - {-1})

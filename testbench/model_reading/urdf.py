@@ -40,13 +40,15 @@ MOVING = ("revolute", "continuous", "prismatic")
 class Urdf:
     """A URDF that MuJoCo reads from ``folder``.
 
-    speeds: rated, rad/s (m/s), by joint. numerics: custom numerics of its ``<mujoco>``. notes: sentences
-    on what was left out or changed.
+    speeds: rated, rad/s (m/s), by joint. leaders: joints that move, and that some follow (mimic) which the
+    file has fixed. numerics: custom numerics of its ``<mujoco>``. notes: sentences on what was left out or
+    changed.
     """
 
     root: ElementTree.Element
     folder: Path
     speeds: dict[str, float]
+    leaders: frozenset[str]
     numerics: dict[str, Array]
     notes: tuple[str, ...]
 
@@ -70,6 +72,7 @@ def read_urdf(root: ElementTree.Element, path: Path, packages: Mapping[str, Path
     repeated = _drop_repeated(root)
     if repeated:
         notes.append(f"given twice, the first counts: {listed(repeated)}")
+    leaders = _leaders_of_fixed(root)
     _drop_what_is_none(root)
     impossible = [link.get("name", "") for link in root.iterfind("link") if mend_inertia(link)]
     if impossible:
@@ -81,7 +84,7 @@ def read_urdf(root: ElementTree.Element, path: Path, packages: Mapping[str, Path
     # A link without <inertial> has no mass: MuJoCo would fill its shapes with water, or refuse it.
     for name, value in (("inertiafromgeom", "false"), ("boundmass", LEAST), ("boundinertia", LEAST)):
         compiler.attrib.setdefault(name, value)
-    return Urdf(root, path.resolve().parent, _speeds(root), _numerics(root), tuple(notes))
+    return Urdf(root, path.resolve().parent, _speeds(root), leaders, _numerics(root), tuple(notes))
 
 
 def compiled_urdf(urdf: Urdf) -> tuple[Any, Any, tuple[str, ...]]:
@@ -120,9 +123,24 @@ def _drop_repeated(root: ElementTree.Element) -> list[str]:
     return names
 
 
+def _leaders_of_fixed(root: ElementTree.Element) -> frozenset[str]:
+    """Joints that move, and that some follow which do not."""
+    moving = _moving(root)
+    return frozenset(
+        mimic.get("joint", "")
+        for joint in root.iterfind("joint")
+        for mimic in joint.iterfind("mimic")
+        if joint.get("name") not in moving and mimic.get("joint") in moving
+    )
+
+
+def _moving(root: ElementTree.Element) -> set[str | None]:
+    return {joint.get("name") for joint in root.iterfind("joint") if joint.get("type") in MOVING}
+
+
 def _drop_what_is_none(root: ElementTree.Element) -> None:
     """Take out mimics among joints that do not move, ranges of no width and ranges without an end."""
-    moving = {joint.get("name") for joint in root.iterfind("joint") if joint.get("type") in MOVING}
+    moving = _moving(root)
     for joint in root.iterfind("joint"):
         mimic, limit = joint.find("mimic"), joint.find("limit")
         if mimic is not None and not {joint.get("name"), mimic.get("joint")} <= moving:
