@@ -48,7 +48,10 @@ class _Child:
         self.is_ready = False
 
     def ask(self, function: str, arguments: tuple[Any, ...], seconds: float) -> tuple[bool, Any]:
-        """Whether it was done, and the value. Raises BrokenMessageError, or TimeoutError after that long."""
+        """Whether it was done, and the value. Raises BrokenMessageError, or TimeoutError.
+
+        seconds: of the processor, and of waiting for anything else.
+        """
         if not self.is_ready:
             # Its imports are no work on the file.
             self._exchange("builtins:len", ((),), STARTING)
@@ -71,16 +74,26 @@ class _Child:
         threading.Thread(target=listen, daemon=True).start()
         try:
             send(stdin, (_standing(), function, arguments, seconds))
-            answer = answers.get(timeout=seconds)
         except OSError as error:
             raise BrokenMessageError(str(error)) from None
-        except queue.Empty:
-            raise TimeoutError from None
+        answer = self._awaited(answers, seconds)
         if isinstance(answer, MemoryError):
             raise answer
         if not isinstance(answer, tuple) or len(answer) != 2:
             raise BrokenMessageError(str(answer))
         return answer
+
+    def _awaited(self, answers: queue.SimpleQueue[Any], seconds: float) -> Any:
+        """An answer; raises TimeoutError where none comes from a process that waits.
+
+        One that works is ended by its limit of processor time, however little of it a busy machine gives.
+        """
+        while True:
+            try:
+                return answers.get(timeout=seconds)
+            except queue.Empty:
+                if not _works(self.process.pid):
+                    raise TimeoutError from None
 
     def status(self) -> int:
         """The exit status of a process that has stopped answering."""
@@ -97,6 +110,16 @@ class _Child:
             # What was not sent cannot be any more.
             with contextlib.suppress(OSError):
                 stream.close()  # type: ignore[union-attr]  # both are pipes
+
+
+def _works(process: int) -> bool:
+    """Whether a process would go on if it were given a core; no, where the system does not tell."""
+    try:
+        status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    # The name is in brackets, and may have such in it.
+    return status.rpartition(")")[2].split()[0] in "RD"
 
 
 _child: _Child | None = None

@@ -4,6 +4,7 @@ import ctypes
 import io
 import os
 import pickle
+import subprocess
 import time
 from pathlib import Path
 
@@ -31,6 +32,11 @@ def loop(path: str) -> None:
 
 def sleep(path: str) -> None:
     time.sleep(1000)
+
+
+def doze(path: str) -> str:
+    time.sleep(0.5)
+    return path
 
 
 def swallow_memory(path: str) -> int:
@@ -71,6 +77,22 @@ def test_what_goes_wrong_is_one_line(work: str, says: str, monkeypatch: pytest.M
     with pytest.raises(InputError, match=says) as error:
         contained(HERE + work, FILE, "log", "a log")
     assert str(error.value).startswith("strange.h5: log: expected a log, got ")
+
+
+def test_a_reader_that_works_is_given_its_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(child, "PATIENCE", 0.1)
+    monkeypatch.setattr(child, "_works", lambda process: True)
+    assert contained(HERE + "doze", FILE, "log", "a log") == str(FILE)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="the system does not tell who works")
+def test_a_process_works_unless_it_waits() -> None:
+    assert child._works(os.getpid())
+    with subprocess.Popen(["cat"], stdin=subprocess.PIPE) as waiting:
+        deadline = time.monotonic() + 60
+        while child._works(waiting.pid) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert not child._works(waiting.pid)
 
 
 def test_a_file_that_broke_the_reader_is_refused_at_once_until_it_changes(
