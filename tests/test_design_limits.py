@@ -9,6 +9,7 @@ import pytest
 from diagnosis.experiment.reached_limits import within_reach
 from identification.errors import InputError
 from identification.excitation.design import DesignOptions, random_excitation
+from identification.excitation.random_motion import resting_centres
 from testbench.clearance import clearance_of
 from testbench.design_limits import CAUTIOUS_SLIDE, CAUTIOUS_SPEED, design_limits
 from testbench.jobs.excite import CLEARANCE, design_room, excite_model
@@ -149,6 +150,29 @@ def test_a_pair_that_overlaps_is_dropped_by_name(tmp_path: Path) -> None:
     assert clearance is not None
     assert clearance.pairs == ("upper and tip",)
     assert notes == ("in touch in every pose, so not kept apart: upper and hand",)
+
+
+def test_shapes_that_meet_at_a_joint_are_dropped_by_name(tmp_path: Path) -> None:
+    # Never further apart than 0.1 mm, as meshes of neighbouring phalanges are.
+    robot = _robot(tmp_path, BALLS.replace('pos=".17 0 0"', 'pos=".1999 0 0"'), "arm.xml")
+    clearance, notes = clearance_of(robot, 0.01)
+    assert clearance is not None
+    assert clearance.pairs == ("upper and tip",)
+    assert notes == ("in touch in every pose, so not kept apart: upper and hand",)
+
+
+def test_a_robot_that_cannot_rest_in_the_middle_rests_where_it_can(tmp_path: Path) -> None:
+    weak = (
+        '<mujoco><compiler angle="radian"/><worldbody><body><joint axis="0 1 0" range="-1.2 1.2" '
+        'actuatorfrcrange="-1.2 1.2"/><inertial pos=".1 0 0" mass="2" diaginertia=".01 .02 .02"/>'
+        "</body></worldbody></mujoco>"
+    )
+    robot = _robot(tmp_path, weak, "arm.xml")
+    centres = resting_centres(robot.chain, robot.parameters, robot.limits, None, 0)
+    # Its weight takes 1.962 N·m cos q.
+    lowest = np.arccos(1.2 / (2 * 9.81 * 0.1))
+    assert 0.6 < lowest <= np.abs(centres).min() < lowest + 0.01
+    assert np.abs(centres).max() < 1.2
 
 
 def test_a_clearance_that_no_pose_has_is_lowered_and_said_unless_it_was_asked_for(tmp_path: Path) -> None:

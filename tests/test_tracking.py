@@ -180,6 +180,29 @@ def test_damping_that_stops_a_light_link_at_once_is_stepped_implicitly(
     assert kp == pytest.approx(damping * w / 2)
 
 
+FOLDED_BESIDE_PENDULUM = """
+<mujoco><compiler angle="radian"/><worldbody>
+  <body><joint name="turn" axis="0 0 1" range="-3 3"/>
+    <inertial pos="0 0 0" mass=".01" diaginertia="1e-5 1e-5 1e-5"/>
+    <body pos=".3 0 0"><joint name="fold" axis="0 0 1" range="-3 3"/>
+      <inertial pos=".3 0 0" mass="1" diaginertia="1e-4 1e-4 1e-4"/></body></body>
+  <body><joint name="swing" axis="0 1 0" range="-1 1"/>
+    <inertial pos=".2 0 0" mass="1" diaginertia="1e-6 1e-6 1e-6"/></body>
+</worldbody></mujoco>
+"""
+
+
+def test_a_joint_that_sags_gets_its_bandwidth_though_the_rate_bounds_another(tmp_path: Path) -> None:
+    robot = robot_from(FOLDED_BESIDE_PENDULUM, tmp_path)
+    options, _ = held_up(SimulationOptions(ControllerOptions(bandwidth=1.0)), robot)
+    # Gravity's share is g sin q / (l w²), at the range's end 1.05 at 1 Hz and 0.46 at 1.5 Hz.
+    assert (options.controller.rate, options.controller.bandwidth) == (1000, 1.5)
+    found = controller_gains(options, robot)
+    assert found.bandwidth[0] < 1.5
+    share, _ = sag(found.kp, robot.chain, robot.parameters, robot.limits.lower, robot.limits.upper)
+    assert share == pytest.approx(9.81 * np.sin(1) / (0.2 * (3 * np.pi) ** 2), rel=1e-2)
+
+
 def test_links_too_light_for_any_loop_are_refused_by_name(tmp_path: Path) -> None:
     # Upright, nothing but their inertia about one line tells the odd joints apart.
     rods = light_arm(0.0, slim=1e-6).replace('damping="0.2"', "")
