@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain import Chain
-from ..inverse_dynamics import _inverse_dynamics
 from ..kinematics import copy_rows, kernel
+from ..motion_equations import SCRATCH, mass_and_bias
 from ..parameters import PER_JOINT
 from .plant import (
     COMMAND_STEP,
@@ -167,19 +167,16 @@ def _simulate(
     new, rhs = np.empty(size), np.empty(size)
     u, level, share, play = np.zeros(n), np.empty(n), np.zeros(n), np.zeros(n)
     offset, damping, load, goal = np.empty(n), np.empty(n), np.zeros(n), np.empty(n)
-    rows_q, rows_v, rows_a = np.zeros((n + 1, n)), np.zeros((n + 1, n)), np.zeros((n + 1, n))
-    torques, rest, nothing = np.empty((n + 1, n)), np.empty((1, n)), np.zeros((1, n))
+    middle, speed, bias, scratch = np.empty(n), np.zeros(n), np.empty(n), np.empty((n, SCRATCH))
     mass, factor = np.empty((size, size)), np.empty((size, size))
-    rows_q[0] = q[:n]
-    _inverse_dynamics(
-        parent, is_slide, rotation, translation, gravity, springs, links, 0.0,
-        rows_q[:1], nothing, nothing, rest,
-    )  # fmt: skip
+    mass_and_bias(
+        parent, is_slide, rotation, translation, gravity, springs, links, q, speed, scratch, mass, bias
+    )
     for j in range(n):
         goal[j] = command[min(start, command.shape[0] - 1), j]
         if drive[j] >= n:
             # It hangs on the side that its weight pulls it to.
-            play[j] = 0.5 * table[j, GAP] * np.sign(rest[0, j])
+            play[j] = 0.5 * table[j, GAP] * np.sign(bias[j])
             if table[j, ENCODER_AFTER] == 0.0:
                 q[j] -= play[j]
             q[drive[j]], v[drive[j]] = q[j] + play[j], v[j]
@@ -188,23 +185,11 @@ def _simulate(
             for s in range(substeps):
                 time = (start + k - 1 + s / substeps) / rate
                 for j in range(n):
-                    middle, speed = q[j] + 0.5 * h * v[j], v[j] + 0.5 * h * a[j]
-                    for r in range(n + 1):
-                        rows_q[r, j] = middle
-                        rows_v[r, j] = speed if r == n else 0.0
-                        rows_a[r, j] = 1.0 if r == j else 0.0
-                _inverse_dynamics(
-                    parent, is_slide, rotation, translation, gravity, springs, links, 0.0,
-                    rows_q, rows_v, rows_a, torques,
+                    middle[j], speed[j] = q[j] + 0.5 * h * v[j], v[j] + 0.5 * h * a[j]
+                mass_and_bias(
+                    parent, is_slide, rotation, translation, gravity, springs, links, middle, speed,
+                    scratch, mass, bias,
                 )  # fmt: skip
-                _inverse_dynamics(
-                    parent, is_slide, rotation, translation, gravity, springs, links, 0.0,
-                    rows_q[:1], rows_v[:1], nothing, rest,
-                )  # fmt: skip
-                # Row n is the bias of the motion; the others are unit accelerations from rest.
-                for i in range(n):
-                    for j in range(n):
-                        mass[i, j] = torques[j, i] - rest[0, i]
                 total_torque = 0.0
                 for j in range(n):
                     total_torque += abs(u[j])
@@ -247,7 +232,7 @@ def _simulate(
                     )
                 if size == n:
                     if not plain_step(
-                        mass, factor, offset, damping, table, torques[n], level, h, v, new, rhs, share
+                        mass, factor, offset, damping, table, bias, level, h, v, new, rhs, share
                     ):
                         return
                 elif not step_with_play(
@@ -256,7 +241,7 @@ def _simulate(
                     offset,
                     damping,
                     table,
-                    torques[n],
+                    bias,
                     level,
                     h,
                     v,
