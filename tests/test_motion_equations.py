@@ -9,7 +9,13 @@ from identification.parameters import COULOMB, PER_JOINT, VISCOUS
 
 from .test_regressor_adjoint import random_chain
 
-CHAINS = {"h": [-1], "s": [-1], "hshhsh": [-1, 0, 1, 2, 3, 4], "hhhsh": [-1, 0, 0, 2, 1], "hhhh": [-1, 0, -1, 2]}
+CHAINS = {
+    "h": [-1],
+    "s": [-1],
+    "hshhsh": [-1, 0, 1, 2, 3, 4],
+    "hhhsh": [-1, 0, 0, 2, 1],
+    "hhhh": [-1, 0, -1, 2],
+}
 
 
 @pytest.mark.parametrize("slides", CHAINS)

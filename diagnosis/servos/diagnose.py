@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.output_error.fit import Fit, fit
-from identification.output_error.plant import WIDTH, Limb, limbs, plant_table
+from identification.output_error.plant import WIDTH, Limb, limbs
 from identification.output_error.servo_run import ServoRun
 from identification.output_error.start import regression_start
 from testbench.drives.effects import drive_effects
-from testbench.drives.identified import IdentifiedDrives, consistent, knowledge, simulated
+from testbench.drives.identified import IdentifiedDrives, consistent, given_table, knowledge, simulated
 from testbench.drives.stated import LONGEST_DELAY, Servo
 from testbench.effects.signature import Quantity
 from testbench.robot import Robot
@@ -68,7 +68,7 @@ def diagnose_servos(
     looked for.
     """
     servo = servos[0]
-    given = plant_table(robot.parameters, np.clip(0.0, servo.delay_lower, servo.delay_upper), servo.limit)
+    given = given_table(robot, servo)
     parts = limbs(robot.chain)
     found = [_of_limb(robot, limb, servo, given, runs, without, threads) for limb in parts]
     identified = given.copy()

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.chain import Chain
-from identification.output_error.plant import DELAY, KD_SCALE, KP_SCALE
+from identification.output_error.plant import DELAY, FRICTION_CENTRE, KD_SCALE, KP_SCALE
 from identification.output_error.unknowns import (
     GAIN_BOUNDS,
     OFFSET_SHARE,
@@ -34,6 +34,8 @@ def healthy_unknowns(
     widths = parameter_widths(
         table[:, :PER_JOINT].ravel(), known.torque_scale, known.speed_scale, acceleration
     ).reshape(-1, PER_JOINT)
+    table = table.copy()
+    table[:, FRICTION_CENTRE] = known.centre
     build = Builder(table)
     for direction in inertial_directions(chain, table, known.torque_scale, known.speed_scale, known.inertia):
         build.add("inertia", "-", -1, direction, 0.0, 1.0)
@@ -54,4 +56,5 @@ def healthy_unknowns(
         if upper > lower:
             width = (upper - lower) / np.sqrt(12) if is_delay_stated else LATE + LATE_SAMPLES / rate
             build.of_joint("delay", "s", joint, DELAY, width, (lower, upper))
+        build.of_voltage(joint, known)
     return build.unknowns()

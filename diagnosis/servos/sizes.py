@@ -56,6 +56,7 @@ def sizes_of(runs: Sequence[ServoRun], known: Knowledge, limit: Array) -> Sizes:
         Scale.TORQUE: known.torque_scale,
         Scale.PEAK_TORQUE: peak + LEAST,
         Scale.SPEED: known.speed_scale,
+        Scale.TORQUE_SLOPE: known.torque_scale / known.reach,
         Scale.DAMPING: known.torque_scale / known.speed_scale,
         Scale.SLOWNESS: 1 / (fastest + LEAST),
         Scale.INERTIA: known.inertia,

@@ -73,7 +73,8 @@ def fit(
     """The fit of a limb's runs from a start (m,). All runs are sampled at one rate, or each at its own."""
     problem = Problem(chain, unknown, runs, threads)
     values = problem.simulatable(unknown.held(start))
-    weights = problem.weights(values)
+    # First every sample counts: by a start that is far off, all errors are slow, and the prior would rule.
+    weights = problem.weights(values, counts_all=True)
     iterations = 0
     for _ in range(REWEIGHTINGS):
         values, taken = _minimised(problem, values, weights)
@@ -131,10 +132,10 @@ class Problem:
                 return trial
         return centre
 
-    def weights(self, values: Array) -> Array:
-        """(n,) 1/rad, one over s_j sqrt(f_j)."""
+    def weights(self, values: Array, counts_all: bool = False) -> Array:
+        """(n,) 1/rad, one over s_j sqrt(f_j); f of 1 where every sample counts."""
         std, inflation = _spread(self.residuals(values))
-        return np.asarray(1 / (np.maximum(std, SMALLEST) * np.sqrt(inflation)))
+        return np.asarray(1 / (np.maximum(std, SMALLEST) * np.sqrt(1.0 if counts_all else inflation)))
 
     def costs(self, values: Array, weights: Array) -> Array:
         """Half the weighted squares and the prior's, of candidates (C, m); infinite where one runs away."""

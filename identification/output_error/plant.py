@@ -5,12 +5,13 @@ what a rigid body lacks (``COLUMNS``). A position servo's torque is
 
     u = kp_scale kp (command(t - delay) - q) - kd_scale kd dq, clipped at its limit,
 
-with the command held from sample to sample; kp and kd are those that a run states. Friction opposes the
-motion with at most
+with the command held from sample to sample; kp and kd are those that a run states. A servo that sets the
+voltage of its motor has that clipped at kp_scale times the torque ``stall`` of its supply, and loses
+``back_emf`` dq of it before the limit, which is that of its current. Friction opposes the motion with at most
 
-    fc + extra exp(-(v / v_s)²) + mu |load|,
+    fc + slope (q - centre) + extra exp(-(v / v_s)²) + mu |load|,
 
-load being what the gearbox carries (without the rotor's own inertia).
+load being what the gearbox carries (without the rotor's own inertia); nowhere less than nothing.
 
 The rest is zero in a drive as stated: a play ``gap`` between motor and link, with the encoder at the motor or
 (``encoder_after`` 1) at the link; a ``deadband`` of the position error; a ``command_step`` that the firmware
@@ -32,11 +33,13 @@ Array = NDArray[np.float64]
 DRIVE = (
     "kp_scale", "kd_scale", "delay", "limit", "extra", "stribeck_velocity", "load_friction",
     "gap", "encoder_after", "deadband", "command_step", "inverse_rate", "sag",
+    "friction_slope", "friction_centre", "stall", "back_emf",
 )  # fmt: skip
 COLUMNS = (*SYMBOLS, *DRIVE)
 WIDTH = len(COLUMNS)
 KP_SCALE, KD_SCALE, DELAY, LIMIT, EXTRA, STRIBECK_VELOCITY, LOAD_FRICTION = range(PER_JOINT, PER_JOINT + 7)
-GAP, ENCODER_AFTER, DEADBAND, COMMAND_STEP, INVERSE_RATE, SAG = range(PER_JOINT + 7, WIDTH)
+GAP, ENCODER_AFTER, DEADBAND, COMMAND_STEP, INVERSE_RATE, SAG = range(PER_JOINT + 7, PER_JOINT + 13)
+FRICTION_SLOPE, FRICTION_CENTRE, STALL, BACK_EMF = range(PER_JOINT + 13, WIDTH)
 
 
 def plant_table(parameters: Array, delay: Array, limit: Array) -> Array:
@@ -47,7 +50,7 @@ def plant_table(parameters: Array, delay: Array, limit: Array) -> Array:
     table = np.zeros((len(delay), WIDTH))
     table[:, :PER_JOINT] = parameters.reshape(-1, PER_JOINT)
     table[:, [KP_SCALE, KD_SCALE, STRIBECK_VELOCITY]] = 1.0
-    table[:, DELAY], table[:, LIMIT] = delay, limit
+    table[:, DELAY], table[:, LIMIT], table[:, STALL] = delay, limit, np.inf
     return table
 
 

@@ -16,21 +16,8 @@ from ..chain import Chain
 from ..kinematics import copy_rows, kernel
 from ..motion_equations import SCRATCH, mass_and_bias
 from ..parameters import PER_JOINT
-from .plant import (
-    COMMAND_STEP,
-    DEADBAND,
-    DELAY,
-    ENCODER_AFTER,
-    EXTRA,
-    GAP,
-    INVERSE_RATE,
-    KD_SCALE,
-    KP_SCALE,
-    LIMIT,
-    LOAD_FRICTION,
-    SAG,
-    STRIBECK_VELOCITY,
-)
+from .drive_law import drive_torque, friction_level
+from .plant import COMMAND_STEP, DELAY, ENCODER_AFTER, GAP, INVERSE_RATE, SAG
 from .servo_step import plain_step, step_with_play
 
 Array = NDArray[np.float64]
@@ -206,30 +193,12 @@ def _simulate(
                     if table[j, COMMAND_STEP] > 0.0:
                         mean = table[j, COMMAND_STEP] * np.rint(mean / table[j, COMMAND_STEP])
                     strength = max(LEAST_STRENGTH, 1.0 - table[j, SAG] * total_torque)
-                    stiffness = strength * table[j, KP_SCALE] * kp[j]
                     # Where the encoder sees the link, the motor's speed is not what the servo damps.
                     seen = j if table[j, ENCODER_AFTER] > 0.0 else d
-                    error = mean - q[seen] - 0.5 * h * v[seen]
-                    band = table[j, DEADBAND]
-                    if abs(error) <= band and band > 0.0:
-                        stiffness = 0.0
-                    elif band > 0.0:
-                        mean -= band if error > 0 else -band
-                    offset[j] = stiffness * (mean - q[seen])
-                    damping[j] = strength * table[j, KD_SCALE] * kd[j] + 0.5 * h * stiffness
-                    expected = offset[j] - damping[j] * (v[seen] + 0.5 * h * a[seen])
-                    if abs(expected) > table[j, LIMIT]:
-                        offset[j] = table[j, LIMIT] if expected > 0 else -table[j, LIMIT]
-                        damping[j] = 0.0
-                    elif seen != d:
-                        offset[j] = expected
-                        damping[j] = 0.0
-                    slip = v[d] / table[j, STRIBECK_VELOCITY]
-                    level[j] = (
-                        table[j, 12]
-                        + table[j, EXTRA] * np.exp(-slip * slip)
-                        + table[j, LOAD_FRICTION] * abs(load[j])
+                    offset[j], damping[j] = drive_torque(
+                        table[j], kp[j], kd[j], mean, strength, q[seen], v[seen], a[seen], v[d], seen == d, h
                     )
+                    level[j] = friction_level(table[j], middle[j], v[d], load[j])
                 if size == n:
                     if not plain_step(
                         mass, factor, offset, damping, table, bias, level, h, v, new, rhs, share

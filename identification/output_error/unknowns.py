@@ -9,7 +9,19 @@ from ..base_parameters import base_parameters
 from ..chain import Chain
 from ..parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_JOINT, VISCOUS
 from ..prior import parameter_widths
-from .plant import DELAY, EXTRA, KD_SCALE, KP_SCALE, LIMIT, LOAD_FRICTION, STRIBECK_VELOCITY, WIDTH
+from .plant import (
+    BACK_EMF,
+    DELAY,
+    EXTRA,
+    FRICTION_CENTRE,
+    FRICTION_SLOPE,
+    KD_SCALE,
+    KP_SCALE,
+    LIMIT,
+    LOAD_FRICTION,
+    STRIBECK_VELOCITY,
+    WIDTH,
+)
 
 Array = NDArray[np.float64]
 
@@ -19,9 +31,15 @@ GAIN_BOUNDS = (0.05, 20.0)
 OFFSET_SHARE = 0.1
 # Stribeck velocity, as a share of a joint's RMS speed.
 STRIBECK_SHARE = 0.2
-# Deviation of the share of the load that friction is, and its highest.
-LOAD_SHARE, MOST_LOAD = 0.1, 0.9
-EFFECTS = ("load_dependent_friction", "stribeck_friction")
+# Deviation of the share of the load that friction is, and its highest: small gears lose a third and more.
+LOAD_SHARE, MOST_LOAD = 0.3, 0.9
+# Deviation of how much friction changes over a joint's motion, as a share of its torque.
+SLOPE_SHARE = 0.5
+EFFECTS = (
+    "load_dependent_friction",
+    "position_dependent_friction",
+    "stribeck_friction",
+)
 # A combination of inertias whose effect is below this share of the largest is left as the model has it.
 FAINT = 1e-6
 
@@ -94,18 +112,22 @@ class Knowledge:
     """Prior of the drives, (n,) each.
 
     gain_spread: relative standard deviation of kp and of kd. delay_lower, delay_upper: s. limit_spread:
-    relative, of the torque limit; 0 where it is exact, or never reached. torque_scale, speed_scale: N·m and
-    rad/s typical of the runs. inertia: kg·m² that each joint moves, without its rotor. effects: of EFFECTS,
-    those that each joint may have.
+    relative, of the torque limit; 0 where it is exact, or never reached. stall_spread: likewise, of the
+    back EMF of a servo that sets a voltage. torque_scale, speed_scale: N·m and rad/s typical of
+    the runs. inertia: kg·m² that each joint moves, without its rotor. centre, reach: rad, the middle of each
+    joint's motion and its deviation about it. effects: of EFFECTS, those that each joint may have.
     """
 
     gain_spread: Array
     delay_lower: Array
     delay_upper: Array
     limit_spread: Array
+    stall_spread: Array
     torque_scale: Array
     speed_scale: Array
     inertia: Array
+    centre: Array
+    reach: Array
     effects: tuple[str, ...] = ()
 
 
@@ -116,8 +138,9 @@ def unknowns(chain: Chain, table: Array, known: Knowledge) -> Unknowns:
     armature, viscous and Coulomb friction from zero up, loosely held about the model's, and a torque offset.
     Of each drive: scales of its gains, the delay, and the torque limit where it is uncertain.
     """
+    table = table.copy()
+    table[:, FRICTION_CENTRE] = known.centre
     if "stribeck_friction" in known.effects:
-        table = table.copy()
         table[:, STRIBECK_VELOCITY] = STRIBECK_SHARE * known.speed_scale
     build = Builder(table)
     for direction in inertial_directions(chain, table, known.torque_scale, known.speed_scale, known.inertia):
@@ -136,6 +159,9 @@ def unknowns(chain: Chain, table: Array, known: Knowledge) -> Unknowns:
         if "load_dependent_friction" in known.effects:
             bounds = (0.0, MOST_LOAD)
             build.of_joint("load_friction", "-", joint, LOAD_FRICTION, LOAD_SHARE, bounds)
+        if "position_dependent_friction" in known.effects:
+            width = SLOPE_SHARE * known.torque_scale[joint] / known.reach[joint]
+            build.of_joint("friction_slope", "N·m/rad", joint, FRICTION_SLOPE, width, (-np.inf, np.inf))
         if "stribeck_friction" in known.effects:
             build.of_joint("stribeck", "N·m", joint, EXTRA, known.torque_scale[joint])
         lower, upper = known.delay_lower[joint], known.delay_upper[joint]
@@ -144,6 +170,7 @@ def unknowns(chain: Chain, table: Array, known: Knowledge) -> Unknowns:
         if known.limit_spread[joint] > 0:
             width = known.limit_spread[joint] * own[LIMIT]
             build.of_joint("limit", "N·m", joint, LIMIT, width, (0.1 * own[LIMIT], np.inf))
+        build.of_voltage(joint, known)
     return build.unknowns()
 
 
@@ -182,6 +209,13 @@ class Builder:
         mean = float(self._origin[joint, column])
         self._origin[joint, column] = 0.0
         self.add(name, unit, joint, direction, mean, deviation, bounds)
+
+    def of_voltage(self, joint: int, known: Knowledge) -> None:
+        """Back EMF of a drive that sets a voltage, within what is known of it."""
+        if known.stall_spread[joint] > 0:
+            own = float(self._origin[joint, BACK_EMF])
+            width = known.stall_spread[joint] * own
+            self.of_joint("back_emf", "N·m·s/rad", joint, BACK_EMF, width, (0.1 * own, np.inf))
 
     def unknowns(self) -> Unknowns:
         """All of them."""

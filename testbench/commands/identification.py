@@ -154,7 +154,8 @@ def identify(
     effect: Annotated[
         list[str] | None,
         Parameter(
-            help="without torque: load_dependent_friction, stribeck_friction, fitted too; repeatable",
+            help="without torque, fitted too; repeatable: load_dependent_friction, "
+            "position_dependent_friction, stribeck_friction",
             negative=(),
         ),
     ] = None,

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from identification.errors import InputError
-from identification.output_error.plant import DELAY, KD_SCALE, KP_SCALE, LIMIT
-from identification.parameters import OFFSET, PER_JOINT
+from identification.output_error.plant import BACK_EMF, DELAY, KD_SCALE, KP_SCALE, LIMIT, STALL
+from identification.parameters import OFFSET, PER_JOINT, VISCOUS
 
 from ..files import replacing
 from ..model_file import write_model
@@ -22,9 +22,13 @@ def write_corrected(found: IdentifiedDrives, path: Path) -> None:
     """Write the model with its identified parameters and position servos, for plain MuJoCo.
 
     The file is whole or not there. Each joint has one actuator: kp (ctrl delayed - q) - kd dq - offset,
-    within the drive's limit; the delay is MuJoCo's own. Raises InputError for what MuJoCo refuses.
+    within the drive's limit; the delay is MuJoCo's own. Of a servo that sets a voltage, the limit is the
+    lower one of current and full voltage, and back EMF is damping of the joint. Raises InputError for what
+    MuJoCo refuses.
     """
-    table, servo = found.identified, found.servo
+    table, servo = found.identified.copy(), found.servo
+    table[:, VISCOUS] += table[:, BACK_EMF]
+    table[:, LIMIT] = np.minimum(table[:, LIMIT], table[:, KP_SCALE] * table[:, STALL])
     write_model(found.robot, table[:, :PER_JOINT].ravel(), path)
     root = ElementTree.parse(path).getroot()
     for old in root.findall("actuator") + root.findall("keyframe"):

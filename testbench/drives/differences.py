@@ -32,6 +32,8 @@ NAMES = {
     "limit": "torque limit",
     "load_friction": "load-dependent friction",
     "stribeck": "Stribeck friction",
+    "friction_slope": "friction that changes with position",
+    "back_emf": "back EMF",
 }
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.chain import Chain
 from identification.errors import InputError
-from identification.output_error.plant import COLUMNS, LIMIT, WIDTH
+from identification.output_error.plant import COLUMNS, LIMIT, STALL, WIDTH
 
 from ..chain_json import chain_document, read_chain
 from ..containment.json_text import read_bounded_json
@@ -157,7 +157,7 @@ def read_drives(directory: Path) -> ReadDrives:
         expected = {"plant": (n, WIDTH), "gains": (n,)}
         for name, arrays in shapes.items():
             for each in arrays:
-                finite = np.delete(each, LIMIT, axis=1) if name == "plant" else each
+                finite = np.delete(each, [LIMIT, STALL], axis=1) if name == "plant" else each
                 if each.shape != expected[name] or not np.isfinite(finite).all():
                     raise ValueError(f"{name} of shape {each.shape}, or not finite")
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from identification.inverse_dynamics import mass_matrices
 from identification.output_error.fit import Fit, fit
-from identification.output_error.plant import KD_SCALE, WIDTH, Limb, limbs, plant_table
+from identification.output_error.plant import BACK_EMF, KD_SCALE, STALL, WIDTH, Limb, limbs, plant_table
 from identification.output_error.servo_loop import Window, simulate
 from identification.output_error.servo_run import ServoRun
 from identification.output_error.start import regression_start
@@ -131,8 +131,7 @@ def identify_drives(
     effects: names of EFFECTS in unknowns.py that every joint may have.
     """
     servo = servos[0]
-    delay = np.clip(0.0, servo.delay_lower, servo.delay_upper)
-    given = plant_table(robot.parameters, delay, servo.limit)
+    given = given_table(robot, servo)
     parts, fits, identified = limbs(robot.chain), [], given.copy()
     for limb in parts:
         own = [run.of(limb.joints) for run in runs]
@@ -142,6 +141,15 @@ def identify_drives(
     for limb, found in zip(parts, shared, strict=True):
         identified[limb.joints] = consistent(found.table)
     return IdentifiedDrives(robot, servo, given, identified, parts, shared, tuple(fits), tied)
+
+
+def given_table(robot: Robot, servo: Servo) -> Array:
+    """The table (n, WIDTH) of the model and the servos as stated."""
+    delay = np.clip(0.0, servo.delay_lower, servo.delay_upper)
+    table = plant_table(robot.parameters, delay, servo.limit)
+    if servo.voltage is not None:
+        table[:, STALL], table[:, BACK_EMF] = servo.voltage.stall, servo.voltage.back_emf
+    return table
 
 
 def knowledge(
@@ -167,9 +175,12 @@ def knowledge(
         delay_lower=servo.delay_lower[joints],
         delay_upper=servo.delay_upper[joints],
         limit_spread=np.where(reached, servo.limit_spread[joints], 0.0),
+        stall_spread=np.zeros(len(joints)) if servo.voltage is None else servo.voltage.spread[joints],
         torque_scale=np.sqrt(squares / samples) + 1e-9,
         speed_scale=np.sqrt(speeds / samples) + 1e-9,
         inertia=np.mean(np.diagonal(masses, axis1=1, axis2=2), axis=0),
+        centre=np.mean(np.concatenate(poses), axis=0),
+        reach=np.std(np.concatenate(poses), axis=0) + 1e-9,
         effects=effects,
     )
 

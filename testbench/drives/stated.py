@@ -33,7 +33,8 @@ class StatedDrive(BaseModel):
 
     kp, kd: gains, or gains by run. factor: N·m/rad (N·m·s/rad) for one unit, as a firmware counts.
     spread: relative standard deviation of each gain. delay: s, lowest and highest. limit: N·m of the drive.
-    limit_spread: its relative standard deviation.
+    limit_spread: its relative standard deviation. stall, no_load_speed: N·m and rad/s at the full voltage, of
+    servos that set a voltage; stall_spread: of what speed takes of it, relative.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -46,11 +47,16 @@ class StatedDrive(BaseModel):
     delay: tuple[NotNegative, NotNegative] | None = None
     limit: Positive | tuple[Positive, ...] | None = None
     limit_spread: Annotated[float, Field(ge=0, le=1)] = 0.0
+    stall: Positive | tuple[Positive, ...] | None = None
+    no_load_speed: Positive | tuple[Positive, ...] | None = None
+    stall_spread: Annotated[float, Field(ge=0, le=1)] = 0.3
 
     @model_validator(mode="after")
-    def _ascending(self) -> "StatedDrive":
+    def _consistent(self) -> "StatedDrive":
         if self.delay is not None and self.delay[1] < self.delay[0]:
             raise ValueError("delay: the lowest before the highest")
+        if (self.stall is None) != (self.no_load_speed is None):
+            raise ValueError("stall: with no_load_speed, the other end of the motor's line at full voltage")
         return self
 
 
@@ -89,8 +95,24 @@ class Jointed(Protocol):
 
 
 @dataclass(frozen=True)
+class Voltage:
+    """Of servos that set a voltage, (n,) each at the full one: stall torque N·m, and what of it speed takes.
+
+    What scales kp scales the stall torque as well: both are the motor's constant times a share of the
+    voltage. back_emf: N·m·s/rad. spread: relative standard deviation of it.
+    """
+
+    stall: Array
+    back_emf: Array
+    spread: Array
+
+
+@dataclass(frozen=True)
 class Servo:
-    """The servos of one run, (n,) each: kp, kd N·m/rad and N·m·s/rad; relative spread; delay s; limit N·m."""
+    """The servos of one run, (n,) each: kp, kd N·m/rad and N·m·s/rad; relative spread; delay s; limit N·m.
+
+    voltage: None for servos that set a torque.
+    """
 
     kp: Array
     kd: Array
@@ -99,6 +121,7 @@ class Servo:
     delay_upper: Array
     limit: Array
     limit_spread: Array
+    voltage: Voltage | None = None
 
 
 def servo_of(
@@ -139,8 +162,21 @@ def servo_of(
     spreads = spread * full
     if stated.spread is None and drive is not None and drive.spread is not None:
         spreads = np.where(np.isfinite(drive.spread), drive.spread, spreads)
+    voltage = None
+    if stated.stall is not None and stated.no_load_speed is not None:
+        stall, fastest = (
+            _each(getattr(stated, name), robot, f"drive {name}", path) for name in ("stall", "no_load_speed")
+        )
+        voltage = Voltage(stall, stall / fastest, stated.stall_spread * full)
     return Servo(
-        gains["kp"], gains["kd"], spreads, lower * full, upper * full, limit, stated.limit_spread * full
+        gains["kp"],
+        gains["kd"],
+        spreads,
+        lower * full,
+        upper * full,
+        limit,
+        stated.limit_spread * full,
+        voltage,
     )
 
 

@@ -22,6 +22,8 @@ SHOWN = (
     ("damping", "kd + viscous", 1.0),
     ("load_friction", "per load", 1.0),
     ("stribeck", "Stribeck N·m", 1.0),
+    ("friction_slope", "slope N·m/rad", 1.0),
+    ("back_emf", "back EMF", 1.0),
     ("limit", "limit N·m", 1.0),
     ("kp_scale", "kp scale", 1.0),
     ("delay", "delay ms", 1e3),

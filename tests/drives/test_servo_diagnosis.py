@@ -14,10 +14,17 @@ from diagnosis.servos.evidence import Fitted, Weighed
 from diagnosis.servos.findings import ServoDiagnosis
 from diagnosis.servos.words import sentence
 from identification.output_error.fit import Fit
-from identification.output_error.plant import DELAY, GAP, KP_SCALE, plant_table
+from identification.output_error.plant import (
+    DELAY,
+    FRICTION_CENTRE,
+    FRICTION_SLOPE,
+    GAP,
+    KP_SCALE,
+    plant_table,
+)
 from identification.output_error.servo_loop import Window, simulate
 from identification.output_error.servo_run import ServoRun
-from identification.parameters import VISCOUS
+from identification.parameters import COULOMB, VISCOUS
 from studies.drives.arm import KINDS
 from studies.drives.leg import KD, KP, command, recorded
 from testbench.cli import main
@@ -34,6 +41,8 @@ LEG = KINDS[0]
 FAULTS = {
     "gain_error": {KP_SCALE: 1.25},
     "backlash": {GAP: np.radians(0.6)},
+    # The middle is that of the knee's command.
+    "position_dependent_friction": {COULOMB: 0.2, FRICTION_SLOPE: 0.5, FRICTION_CENTRE: -0.4},
 }
 
 
@@ -74,7 +83,7 @@ def test_the_fault_that_acts_is_stated_at_its_joint(model: Path, fault: str) -> 
     found = diagnosed(model, FAULTS[fault])
     assert [(each.effect, each.joint) for each in found.effects] == [(fault, "knee")]
     (quantity,) = found.effects[0].parameters.values()
-    truth = next(iter(FAULTS[fault].values()))
+    truth = FAULTS[fault][drive_effects()[fault].moves[0][0]]
     assert abs(float(np.asarray(quantity.value)) - truth) < 0.25 * truth
     assert found.effects[0].probability > 0.8
     assert "the catalogue lacks (90%)" in sentence(replace(found, unknown=0.9))

@@ -6,16 +6,21 @@ import mujoco
 import numpy as np
 
 from identification.output_error.plant import (
+    BACK_EMF,
     DEADBAND,
     DELAY,
     ENCODER_AFTER,
+    FRICTION_CENTRE,
+    FRICTION_SLOPE,
     GAP,
     INVERSE_RATE,
+    LIMIT,
+    STALL,
     limbs,
     plant_table,
 )
 from identification.output_error.servo_loop import Window, simulate
-from identification.parameters import COULOMB
+from identification.parameters import ARMATURE, COULOMB, VISCOUS
 from studies.drives.leg import KD, KP, LEG, command, table, written
 from testbench.robot import load_robot
 
@@ -142,3 +147,41 @@ def test_an_error_within_the_deadband_moves_nothing(tmp_path: Path) -> None:
     window = Window(follow, KP, KD, 0, 100, np.zeros(2), np.zeros(2))
     ((run,),) = simulate(robot.chain, dead[None], [window], RATE)
     assert np.all(run.position == 0)
+
+
+def test_friction_that_changes_with_position_holds_a_joint_at_one_end_of_its_motion(tmp_path: Path) -> None:
+    robot = load_robot(written(tmp_path))
+    uneven = table(robot.path)
+    uneven[:, COULOMB], uneven[1, [FRICTION_SLOPE, FRICTION_CENTRE]] = 0.0, (2.0, 0.2)
+    # .4 N·m from the drive against none below .2 rad, and 1 N·m at .7 rad.
+    follow = np.zeros((100, 2))
+    ends = []
+    for start in (0.1, 0.7):
+        begin = np.array([0.0, start])
+        follow[:, 1] = start + 0.02
+        window = Window(follow, KP, KD, 0, 100, begin, np.zeros(2))
+        ((run,),) = simulate(robot.chain, uneven[None], [window], RATE)
+        ends.append(run.position[-1, 1] - start)
+    assert ends[0] != 0
+    assert ends[1] == 0
+
+
+def test_a_servo_that_sets_a_voltage_turns_as_fast_as_its_motor_and_pulls_as_its_current_lets_it(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "flywheel.xml"
+    path.write_text(
+        '<mujoco model="flywheel"><worldbody><body><inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/>'
+        '<joint name="wheel" axis="0 0 1"/></body></worldbody></mujoco>'
+    )
+    robot = load_robot(path)
+    drive = plant_table(robot.parameters, np.zeros(1), np.array([np.inf]))
+    drive[0, [ARMATURE, VISCOUS, COULOMB]] = 0.0
+    drive[0, [STALL, BACK_EMF, LIMIT]] = 0.8, 0.04, 0.5
+    window = Window(np.full((400, 1), 1e3), np.ones(1), np.zeros(1), 0, 400, np.zeros(1), np.zeros(1))
+    ((run,),) = simulate(robot.chain, drive[None], [window], RATE)
+    speed = run.velocity[:, 0]
+    # .5 N·m of current on .01 kg·m² at first; .8 / .04 rad/s in the end.
+    assert abs(speed[5] - 0.05 * 50) < 1e-9
+    assert abs(speed[-1] - 20) < 1e-4
+    assert abs(run.torque[-1, 0]) < 1e-4

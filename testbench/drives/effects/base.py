@@ -16,6 +16,8 @@ class Scale(Enum):
     PEAK_TORQUE = "peak_torque"
     # RMS speed; highest speed of the command, turned round.
     SPEED = "speed"
+    # RMS torque over the deviation of the position about its middle.
+    TORQUE_SLOPE = "torque_slope"
     DAMPING = "damping"
     SLOWNESS = "slowness"
     # Inertia that the joint moves, without its rotor.
