@@ -287,7 +287,7 @@ BAD_MODELS = [
     ("<mujoco><worldbody>", ["XML that MuJoCo loads"]),
     ("<mujoco><nonsense/></mujoco>", ["XML that MuJoCo loads", "nonsense"]),
     (in_body(f'<body><joint name="j" type="slide"/>{LINK}</body>'), ["position range of j", "finite"]),
-    (ARM.replace("-80 80", "-3 3"), ["torque limit of shoulder", "hold the arm still"]),
+    (ARM.replace("-80 80", "-.01 .01"), ["torque limit of shoulder", "hold the arm still"]),
     (ARM.replace('data="4 4"', 'data="4"'), ["velocity_limit", "2 positive values"]),
     (ARM.replace('armature=".05"', 'armature="-.005"'), ["armature of elbow", "zero or more", "got -0.005"]),
     (ARM.replace('damping="1"', 'damping="-1"'), ["damping of elbow", "zero or more", "got -1"]),
