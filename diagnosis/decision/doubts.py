@@ -12,14 +12,14 @@ from ..model.effect_sizes import PAYLOAD
 from ..plausibility.accepted import Accepted
 from .findings import NamedEffect
 
-# Of a bound, relative: nearer than this a value is at it.
-AT_BOUND = 1e-3
+# Of a bound, relative: nearer than this a value is at it. Deviations within which a size may be none: 95 %.
+AT_BOUND, MAY_BE_NONE = 1e-3, 2.0
 # Other parameters that an effect is known by: of a payload that turns about a vertical axis alone, the mass
 # may stay open.
 KNOWN_BY: Mapping[str, tuple[str, ...]] = {PAYLOAD: ("first_moment",)}
 NOT_PREDICTED = "fitted, but runs that were left out are predicted no better with it"
 AT_ITS_BOUND = "fitted, but at the bound of what it may be: these runs do not tell its size"
-UNCERTAIN = "fitted, but its size is less than its own standard deviation"
+UNCERTAIN = "fitted, but its size is within two of its own standard deviations"
 TOO_SHORT = "fitted, but the runs hold too few seconds of motion of every joint that it loads"
 ONE_SINE = "fitted, but each joint follows one sine: laws of position and inertia are one along it"
 
@@ -67,8 +67,8 @@ def doubt(named: NamedEffect) -> str:
     if not numbers:
         return ""
     also = [named.parameters[name] for name in KNOWN_BY.get(named.effect, ()) if name in named.parameters]
-    is_known = any(np.any(np.abs(each.value) >= np.asarray(each.std)) for each in also)
-    if not is_known and all(abs(value) < deviation for _, value, deviation in numbers):
+    is_known = any(np.any(np.abs(each.value) >= MAY_BE_NONE * np.asarray(each.std)) for each in also)
+    if not is_known and all(abs(value) < MAY_BE_NONE * deviation for _, value, deviation in numbers):
         return UNCERTAIN
     reached = (
         np.isfinite(bound) and bound != 0 and abs(value - bound) <= AT_BOUND * abs(bound)

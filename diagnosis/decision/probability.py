@@ -49,20 +49,24 @@ class Size:
     times: float
 
 
+def held_by(runs: int) -> float:
+    """The largest probability that so many runs can give, however sure they seem."""
+    return MODEL_HOLDS * (ONE_RUN if runs < 2 else 1.0)
+
+
 def fault_probability(own: Size, seen: Sequence[Size], share: float, shift: float, runs: int) -> float:
     """The probability that an effect is a fault and no imperfection, by so many runs.
 
     seen: what was found on this robot; the same effect at other joints counts. share: of its joint's held-out
     squared residual that it explains. shift: log-likelihood of the parameters' shift that it spares.
     """
-    doubts = MODEL_HOLDS * (ONE_RUN if runs < 2 else 1.0)
     if not np.isfinite(own.times):
         # No healthy robot has any of it.
-        return doubts
+        return held_by(runs)
     others = [each.times for each in seen if each.effect == own.effect and each.joint != own.joint]
     explained = np.clip(max(share, -np.expm1(-max(shift, 0.0) / SHIFT)), NEAREST, 1 - NEAREST)
     log_odds = np.log(PRIOR) + _log_ratio(own.times, np.array(others)) + EXPLAINED * logit(explained)
-    return float(doubts * expit(log_odds))
+    return float(held_by(runs) * expit(log_odds))
 
 
 def _log_ratio(times: float, others: Array) -> float:

@@ -16,6 +16,7 @@ from testbench.drives.stated import LONGEST_DELAY, Servo
 from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
+from ..decision.probability import held_by
 from .contest import ACCEPTED, Contest, Round
 from .evidence import Weighed
 from .findings import Experiment, ServoCandidate, ServoDiagnosis, ServoFault, ServoShare
@@ -79,9 +80,11 @@ def diagnose_servos(
     errors = np.zeros((4, robot.joints))
     for each in found:
         errors[:, each.limb.joints] = [*each.errors, each.sizes.noise]
-    faults = sorted((fault for each in found for fault in _faults(each)), key=lambda each: -each.probability)
+    most = held_by(len(runs))
+    stated = (fault for each in found for fault in _faults(each, most))
+    faults = sorted(stated, key=lambda each: -each.probability)
     candidates = sorted(
-        (candidate for each in found for candidate in _candidates(each)),
+        (candidate for each in found for candidate in _candidates(each, most)),
         key=lambda each: (-each.probability, -each.score),
     )
     verdict = _verdict(found, faults, errors)
@@ -186,8 +189,8 @@ def _in_words(each: Weighed, limb: Limb) -> str:
     return f"{place.effect.title}{where}"
 
 
-def _faults(found: _OfLimb) -> list[ServoFault]:
-    """The effects that are stated at a limb."""
+def _faults(found: _OfLimb, most: float) -> list[ServoFault]:
+    """The effects that are stated at a limb. most: the largest probability that the runs can give."""
     names, out = found.limb.chain.joint_names, []
     for each in found.stated:
         of_round = next(one for one in found.rounds if each in one.verdicts.faults)
@@ -206,7 +209,7 @@ def _faults(found: _OfLimb) -> list[ServoFault]:
                 joint=None if place.joint is None else names[place.joint],
                 joints=tuple(names[joint] for joint in own),
                 law=place.law.name or place.effect.law,
-                probability=each.probability,
+                probability=most * each.probability,
                 parameters=_parameters(found, each, int(own[0])),
                 confusable_with=tuple(dict.fromkeys(name for name in others if name != place.effect.name)),
                 held_out_share=1 - after / before if before > 0 else 0.0,
@@ -230,7 +233,8 @@ def _parameters(found: _OfLimb, each: Weighed, joint: int) -> dict[str, Quantity
     return {effect.parameter: Quantity(value, std, effect.unit)}
 
 
-def _candidates(found: _OfLimb) -> list[ServoCandidate]:
+def _candidates(found: _OfLimb, most: float) -> list[ServoCandidate]:
+    """The effects that were weighed and are not stated, with the reason. most: as of ``_faults``."""
     names, out = found.limb.chain.joint_names, []
     for of_round in found.rounds:
         for each in of_round.verdicts.faults:
@@ -243,7 +247,9 @@ def _candidates(found: _OfLimb) -> list[ServoCandidate]:
                 reason = "explains the runs less well"
             elif each.probability < ACCEPTED:
                 reason = f"likelier than not only from {ACCEPTED:.0%}: these runs do not decide"
-            out.append(ServoCandidate(place.effect.name, joint, each.probability, each.log_factor, reason))
+            out.append(
+                ServoCandidate(place.effect.name, joint, most * each.probability, each.log_factor, reason)
+            )
     return out
 
 

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from diagnosis.decision.probability import held_by
 from diagnosis.servos.diagnose import diagnose_servos
 from diagnosis.servos.evidence import Fitted, Weighed
 from diagnosis.servos.findings import ServoDiagnosis
@@ -85,7 +86,8 @@ def test_the_fault_that_acts_is_stated_at_its_joint(model: Path, fault: str) -> 
     (quantity,) = found.effects[0].parameters.values()
     truth = FAULTS[fault][drive_effects()[fault].moves[0][0]]
     assert abs(float(np.asarray(quantity.value)) - truth) < 0.25 * truth
-    assert found.effects[0].probability > 0.8
+    # One run does not show what another would.
+    assert 0.95 * held_by(1) < found.effects[0].probability <= held_by(1)
     assert "the catalogue lacks (90%)" in sentence(replace(found, unknown=0.9))
     assert "the catalogue lacks" not in sentence(replace(found, unknown=0.1))
 
