@@ -103,7 +103,7 @@ def _while_on(log: ServoLog) -> ServoRun:
 
 @dataclass(frozen=True)
 class Rival:
-    """What one way predicted of the judging runs, (N, n) rad each, and what it took.
+    """Predictions of the judging runs by one way, (N, n) rad each, and its cost.
 
     seconds, processor: s of the fit, by the clock and of all processes. how: what was fitted, and when it
     stopped.

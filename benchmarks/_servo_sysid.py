@@ -1,5 +1,8 @@
 """mujoco.sysid: Gauss-Newton on the simulated position, with its default optimiser and residual."""
 
+from collections.abc import Callable
+from typing import Any
+
 import mujoco
 import numpy as np
 from mujoco import rollout, sysid
@@ -39,7 +42,9 @@ def fitted(case: Case) -> tuple[sysid.ParameterDict, str]:
         )
     names, longest = case.robot.joint_names, float(case.servo.delay_upper.max())
 
-    def late(params, predicted, measured, model, return_all, state=None):  # type: ignore[no-untyped-def]
+    def late(
+        params: Any, predicted: Any, measured: Any, model: Any, return_all: Any, state: Any = None
+    ) -> Any:
         """The toolbox's own residual, the simulated position late by each joint's delay."""
         measured = sysid.signal_modifier.apply_delayed_ts_window(measured, predicted, -longest, 0.0)
         delays = {f"{name}_position": float(params[f"{name}_delay"].value[0]) for name in names}
@@ -70,7 +75,7 @@ def _time(run: ServoRun) -> Array:
     return np.arange(len(run.position)) / run.rate
 
 
-def _spec(case: Case, run: ServoRun):  # type: ignore[no-untyped-def]
+def _spec(case: Case, run: ServoRun) -> Any:
     return servo_spec(case.robot, case.servo, run.kp, run.kd, 1 / (SUBSTEPS * run.rate))
 
 
@@ -79,23 +84,23 @@ def _parameters(case: Case) -> sysid.ParameterDict:
     params, model, bounds = sysid.ParameterDict(), case.robot.model, case.bounds
     for joint, name in enumerate(case.robot.joint_names):
 
-        def of_joint(field: str, name: str = name):  # type: ignore[no-untyped-def]
-            def modify(spec, parameter) -> None:  # type: ignore[no-untyped-def]
+        def of_joint(field: str, name: str = name) -> Callable[[Any, Any], None]:
+            def modify(spec: Any, parameter: Any) -> None:
                 # Damping is a polynomial of the speed; its first coefficient is the viscous one.
                 value = parameter.value[0]
                 setattr(spec.joint(name), field, [value, 0, 0] if field == "damping" else value)
 
             return modify
 
-        def kp(spec, parameter, name: str = name) -> None:  # type: ignore[no-untyped-def]
+        def kp(spec: Any, parameter: Any, name: str = name) -> None:
             actuator = spec.actuator(name)
             sysid.apply_pgain(spec, name, actuator.userdata[0] * parameter.value[0])
 
-        def kd(spec, parameter, name: str = name) -> None:  # type: ignore[no-untyped-def]
+        def kd(spec: Any, parameter: Any, name: str = name) -> None:
             actuator = spec.actuator(name)
             sysid.apply_dgain(spec, name, actuator.userdata[1] * parameter.value[0])
 
-        def limit(spec, parameter, name: str = name) -> None:  # type: ignore[no-untyped-def]
+        def limit(spec: Any, parameter: Any, name: str = name) -> None:
             spec.actuator(name).forcerange = np.array([-1, 1]) * parameter.value[0]
 
         for field, value, most in (

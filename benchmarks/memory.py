@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from diagnosis.data.mended_log import rate_for
-from diagnosis.data.preparation import CUTOFF, prepare, thinned_by
+from diagnosis.data.preparation import prepare, thinned_by
+from diagnosis.data.run import CUTOFF
 from diagnosis.model.library import Sought
 from identification.base_parameters import base_parameters
 from identification.filtering import decimation_step

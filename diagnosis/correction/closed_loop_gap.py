@@ -18,7 +18,7 @@ from testbench.robot import Robot
 from testbench.simulation import ControllerOptions, Reference, SimulationOptions, simulate
 from testbench.simulation.controller import KINDS
 
-from ..data.preparation import filter_cutoff
+from ..data.run import filter_cutoff
 from ..decision.findings import Diagnosis
 from .corrected_mjcf import corrected_simulator, reidentified_simulator, robot_with
 

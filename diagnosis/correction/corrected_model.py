@@ -15,7 +15,7 @@ from testbench.effects import effects as catalogue
 from testbench.robot import Limits, Robot
 from testbench.torque_lag import TorqueLag
 
-from ..data.preparation import CUTOFF
+from ..data.run import CUTOFF
 from ..decision.findings import Diagnosis
 from ..fit.normal_equations import Fit
 from ..held_out.recurring_push import Recurrence

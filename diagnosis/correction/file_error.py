@@ -12,7 +12,7 @@ from identification.springs import spring_torque
 from testbench.robot import Robot
 from testbench.torque_lag import TorqueLag
 
-from ..data.preparation import Run
+from ..data.run import Run
 from ..decision.findings import Diagnosis
 from .corrected_model import Corrected, corrected_model
 from .prediction import as_predicted, torque_along

@@ -24,7 +24,7 @@ from testbench.simulation import Reference
 from testbench.simulation.controller import feedforward
 from testbench.torque_lag import TorqueLag
 
-from ..data.preparation import filter_cutoff, near_rest
+from ..data.run import filter_cutoff, logged_along, samples_near_rest
 from ..fit.linearisation import TRANSMISSIONS
 from ..model.effect_sizes import LAG
 from .corrected_model import Corrected, Term, read_correction
@@ -151,7 +151,7 @@ def predict_torque(model: Corrected, recording: Recording) -> PredictedTorque:
     # What is known of the log and of friction near rest is no parameter, and is kept.
     known = replace(logged, parameters=model.nominal).predicted
     late = model.lag.put_on(known, logged.sample_rate)
-    at_rest = near_rest(logged, np.minimum(model.band, filter_cutoff(logged.sample_rate)))
+    at_rest = samples_near_rest(logged, np.minimum(model.band, filter_cutoff(logged.sample_rate)))
     torques = (nominal, *model.kept.of_torque(late, parameters, corrected, at_rest))
     # A log whose time stamps stray was resampled.
     return PredictedTorque(*(_at(recording.time, logged.time, torque) for torque in torques))
@@ -221,24 +221,12 @@ def logged_motion(model: Corrected, recording: Recording) -> Logged:
     recording = on_grid(mended(recording, lost_samples(recording)))
     raw = motion(recording)
     rate = raw.sample_rate
-    cutoff = POSITION_BAND * filter_cutoff(rate)
-    signals = differentiate(raw, "butterworth_central", cutoff)
-    logged = Logged(
-        chain=model.chain,
+    signals = differentiate(raw, "butterworth_central", POSITION_BAND * filter_cutoff(rate))
+    along = logged_along(model.chain, model.limits, model.nominal, recording, signals, rate)
+    logged = replace(
+        along,
         parameters=model.linearised,
-        nominal=model.nominal,
-        limits=model.limits,
-        time=recording.time[0] + np.arange(len(signals.q)) / rate,
-        sample_rate=rate,
-        cutoff=cutoff,
-        q=signals.q,
-        dq=signals.dq,
-        ddq=signals.ddq,
         tau=np.zeros_like(signals.q),
-        temperature=recording.temperature,
-        reference_position=recording.reference_position,
-        reference_velocity=recording.reference_velocity,
-        reference_acceleration=recording.reference_acceleration,
         body_rotation=model.body_rotation,
         body_origin=model.body_origin,
         coulomb_smoothing=np.maximum(model.coulomb_smoothing, AT_REST),

@@ -34,7 +34,7 @@ def named_effect(found: Attribution, index: int) -> NamedEffect:
         effect=family.effect,
         joint=family.joint,
         into=family.into,
-        probability=accepted.fault * accepted.probability,
+        probability=accepted.stated,
         parameters=family.parameters(member, fitted.values[part], covariance),
         candidate=accepted.candidate,
         confusable_with=tuple(
@@ -56,7 +56,7 @@ def ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandida
     considered = []
     for index, accepted in enumerate(found.accepted):
         family = accepted.candidate.family
-        suspected = accepted.fault * accepted.probability if accepted.is_suspected else 0.0
+        suspected = accepted.stated if accepted.is_suspected else 0.0
         reason = "" if index in told else _why_not_told(found, accepted)
         probability = told.get(index, suspected)
         considered.append(_candidate(accepted.candidate, probability, accepted.share, reason))

@@ -21,7 +21,7 @@ from testbench.effects import effect
 from testbench.effects.signature import Logged
 
 from ..data.decimation import DecimatingFilter, decimating_filter, parts
-from ..data.preparation import DEAD_ZONE, filter_cutoff
+from ..data.run import DEAD_ZONE, filter_cutoff
 from ..decision.findings import Diagnosis
 from .projection import BLOCK, left, projected_gram
 from .rival_size import sized

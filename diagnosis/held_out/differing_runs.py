@@ -16,7 +16,8 @@ from identification.parameters import COULOMB, MASS, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 
-from ..data.preparation import Prepared, Run
+from ..data.preparation import Prepared
+from ..data.run import Run
 from ..fit.linearisation import PAYLOAD
 from ..fit.normal_equations import Fit, fitted_to, normal_of
 from ..model.base_regressor import ground

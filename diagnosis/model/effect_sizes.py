@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 ELASTIC, CABLE, GAIN = "joint_elasticity", "cable_spring", "torque_gain_error"
 OFFSET, ECCENTRICITY = "encoder_offset", "encoder_eccentricity"
-RIPPLE, ASYMMETRY = "transmission_ripple", "asymmetric_friction"
+RIPPLE = "transmission_ripple"
 LAG = "actuator_lag"
 # A delay of one joint alone is judged as a lag of it: the multiple that healthy joints reach.
 LATE_ALONE = 4.5

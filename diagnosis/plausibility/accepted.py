@@ -57,6 +57,11 @@ class Accepted:
     is_suspected: bool = False
     doubt: str = ""
 
+    @property
+    def stated(self) -> float:
+        """The probability that it is a fault, and this one among its rivals."""
+        return self.fault * self.probability
+
 
 def without_rests(accepted: Sequence[Accepted]) -> list[Accepted]:
     """The accepted effects without reported laws of position that only correct another one of their joint.

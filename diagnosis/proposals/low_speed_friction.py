@@ -22,7 +22,8 @@ from testbench.effects.columns import on_one_joint
 from testbench.effects.signature import Logged
 from testbench.robot import Robot
 
-from ..data.preparation import DEAD_ZONE, Prepared
+from ..data.preparation import Prepared
+from ..data.run import DEAD_ZONE
 from ..fit.likelihood import Weighed, gained, gained_by_shift
 from ..fit.normal_equations import standard_values
 from ..fit.score import Stage

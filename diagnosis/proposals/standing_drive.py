@@ -7,7 +7,7 @@ most of what a coupling leaves is there, those samples say nothing of it.
 import numpy as np
 from numpy.typing import NDArray
 
-from ..data.preparation import DEAD_ZONE, Run
+from ..data.run import DEAD_ZONE, Run
 from ..fit.score import Stage
 
 # Share of a joint's squares that a coupling leaves where its drive stands still, so many times as much a

@@ -14,7 +14,7 @@ from scipy.fft import rfft, rfftfreq
 
 from testbench.effects.signature import Member
 
-from ..data.preparation import Run
+from ..data.run import Run
 from ..fit.score import Gain, Stage
 from ..model.candidates import Candidate
 from ..model.effect_sizes import LAG

@@ -7,7 +7,7 @@ from plotly.subplots import make_subplots
 
 from testbench.report.style import MUTED, PREDICTED, TEMPLATE, binned_mean, envelope, single
 
-from ..data.preparation import Run
+from ..data.run import Run
 from ..decision.findings import Diagnosis, NamedEffect
 from .figures import POINTS, scale
 from .reported_limit import reported_limit

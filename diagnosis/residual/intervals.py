@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..data.preparation import Prepared, Run
+from ..data.preparation import Prepared
+from ..data.run import Run
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..data.preparation import Prepared, Run, filter_cutoff
+from ..data.preparation import Prepared
+from ..data.run import Run, filter_cutoff
 from ..fit.normal_equations import Fit, rms
 from ..model.hypothesis import Design
 from .intervals import blocks, drawn_sums, interval

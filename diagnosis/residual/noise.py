@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from ..data.preparation import Prepared, Run
+from ..data.preparation import Prepared
+from ..data.run import Run
 from ..model.base_regressor import ground
 
 Array = NDArray[np.float64]

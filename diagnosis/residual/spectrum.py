@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
-from ..data.preparation import Prepared, Run
+from ..data.preparation import Prepared
+from ..data.run import Run
 from .intervals import drawn_sums, interval
 from .shares import RegimeShare
 

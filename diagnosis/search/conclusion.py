@@ -31,7 +31,7 @@ from ..proposals.vibration import vibrations, with_its_line, without_shaken, wor
 from ..residual.unexplained import NOTHING, Unclaimed, unclaimed, with_its_period, without_imperfections
 from .grown import Grown, as_of
 
-# Together or in pieces, these say that what is left is like no effect's.
+# Patterns in what effects explain or leave that no effect of the catalogue makes.
 IMITATIONS = (laws_of_position, one_sided, resonances, vibrations)
 
 
@@ -97,7 +97,7 @@ def _kept(grown: Grown, sought: Sought) -> tuple[list[Accepted], Design, Fit]:
 
 
 def _like_nothing(last: Stage, left: Sequence[Unclaimed], imitated: Sequence[Unclaimed]) -> list[Unclaimed]:
-    """Unexplained residuals, each with its line or period; none where it is like something that is told."""
+    """Unexplained residuals, each with its line or period; none where a named pattern describes it."""
     misfits = [with_its_period(last, with_its_line(last, each)) for each in left]
     alike = {each.joint for each in imitated}
     return [each for each in misfits if each.regime != NOTHING or each.joint not in alike]

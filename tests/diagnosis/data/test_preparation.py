@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from diagnosis.data import mended_log, preparation
-from diagnosis.data.preparation import CUTOFF, REACH_PERIODS, prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.data.run import CUTOFF, REACH_PERIODS
 from diagnosis.diagnose import diagnose
 from diagnosis.model.hypothesis import design
 from diagnosis.report.summary import summary
@@ -105,7 +106,7 @@ def test_a_narrow_band_costs_independent_samples_once(tmp_path, monkeypatch):
     arm = small_arm(tmp_path)
     logs = simulated_runs(arm, [])
     wide = design(prepare(arm, logs))
-    bands = Bands(np.full(arm.joints, 0.4 * preparation.CUTOFF), np.zeros(arm.joints))
+    bands = Bands(np.full(arm.joints, 0.4 * CUTOFF), np.zeros(arm.joints))
     monkeypatch.setattr(preparation, "joint_bands", lambda *_: bands)
     narrow = design(prepare(arm, logs))
     kept = len(narrow.prepared.runs[0].time) / len(wide.prepared.runs[0].time)

@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter1d
 
 from diagnosis.correction.corrected_model import Term, corrected_model
 from diagnosis.correction.prediction import logged_motion, predict, predict_torque, term_torque
-from diagnosis.data.preparation import DEAD_ZONE
+from diagnosis.data.run import DEAD_ZONE
 from diagnosis.decision.findings import Diagnosis
 from diagnosis.held_out.shrinkage import Kept
 from identification.filtering import zero_phase_lowpass

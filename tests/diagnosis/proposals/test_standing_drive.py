@@ -6,7 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from diagnosis.data.preparation import DEAD_ZONE, prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.data.run import DEAD_ZONE
 from diagnosis.decision.attribution import Attribution
 from diagnosis.search.growth import attribute
 from testbench.effects.logged import logged_run

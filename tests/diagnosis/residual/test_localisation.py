@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diagnosis.data.preparation import Prepared, Run, prepare
+from diagnosis.data.preparation import Prepared, prepare
+from diagnosis.data.run import Run
 from diagnosis.residual.localisation import densest, regime_shares
 from diagnosis.residual.shares import RegimeShare
 from diagnosis.residual.spectrum import slow_share
