@@ -54,6 +54,14 @@ def held_by(runs: int) -> float:
     return MODEL_HOLDS * (ONE_RUN if runs < 2 else 1.0)
 
 
+def share_explained(share: float, shift: float) -> float:
+    """The share of an error that an effect explains, where re-identified parameters may absorb it.
+
+    share: of what re-identification leaves. shift: log-likelihood of the parameters' shift that it spares.
+    """
+    return float(max(share, -np.expm1(-max(shift, 0.0) / SHIFT)))
+
+
 def fault_probability(own: Size, seen: Sequence[Size], share: float, shift: float, runs: int) -> float:
     """The probability that an effect is a fault and no imperfection, by so many runs.
 
@@ -64,7 +72,7 @@ def fault_probability(own: Size, seen: Sequence[Size], share: float, shift: floa
         # No healthy robot has any of it.
         return held_by(runs)
     others = [each.times for each in seen if each.effect == own.effect and each.joint != own.joint]
-    explained = np.clip(max(share, -np.expm1(-max(shift, 0.0) / SHIFT)), NEAREST, 1 - NEAREST)
+    explained = np.clip(share_explained(share, shift), NEAREST, 1 - NEAREST)
     log_odds = np.log(PRIOR) + _log_ratio(own.times, np.array(others)) + EXPLAINED * logit(explained)
     return float(held_by(runs) * expit(log_odds))
 

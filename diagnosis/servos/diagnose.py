@@ -16,7 +16,7 @@ from testbench.drives.stated import LONGEST_DELAY, Servo
 from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
-from ..decision.probability import held_by
+from ..decision.probability import held_by, share_explained
 from .contest import ACCEPTED, Contest, Round
 from .evidence import Weighed
 from .findings import Experiment, ServoCandidate, ServoDiagnosis, ServoFault, ServoShare
@@ -34,7 +34,7 @@ AS_GOOD = 1.1
 WORSE = 1.02
 # Position errors that are less than this times the noise say nothing of the servo.
 ABOVE_NOISE = 2.0
-# Of the squared error above that, what an effect leaves at most.
+# Of the squared error above that, what goes with an effect that is stated.
 HALF = 0.5
 # Of a joint's RMS speed: slower is near rest, faster is fast.
 NEAR_REST, FAST = 0.2, 1.5
@@ -174,12 +174,16 @@ def _is_no_worse(effects: Array, parameters: Array, sizes: Sizes) -> bool:
 
 
 def _explains(each: Weighed, parameters: Array, effects: Array, noise: Array) -> bool:
-    """Whether half of the squared error goes with an effect, or next to none is left before."""
+    """Whether half of the squared error goes with an effect, or next to none is left before.
+
+    Of what re-identified parameters take in, it is the shift of these that goes with it.
+    """
     place = each.fitted.place
     assert place is not None
     own = np.arange(len(noise)) if place.joint is None else np.array([place.joint])
     before, after, floor = (float(np.sum(part[own] ** 2)) for part in (parameters, effects, noise))
-    return before <= ABOVE_NOISE**2 * floor or after - floor <= HALF * (before - floor)
+    share = (before - after) / max(before - floor, 1e-300)
+    return before <= ABOVE_NOISE**2 * floor or share_explained(share, each.spared) >= HALF
 
 
 def _in_words(each: Weighed, limb: Limb) -> str:

@@ -44,11 +44,15 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """A fitted hypothesis, its probability, and the log of its Bayes factor against the limb in order."""
+    """A fitted hypothesis, its probability, and the log of its Bayes factor against the limb in order.
+
+    spared: log-likelihood of the parameters' shift from what is stated that it spares.
+    """
 
     fitted: Fitted
     probability: float
     log_factor: float
+    spared: float
 
 
 @dataclass(frozen=True)
@@ -100,7 +104,7 @@ def weigh(base: Fitted, candidates: Sequence[Fitted], sizes: Sizes, places: int)
     odds = np.exp(terms - terms.max())
     odds /= odds.sum()
     faults = [
-        Weighed(each, float(odd), float(log - in_order))
+        Weighed(each, float(odd), float(log - in_order), _shift(base) - _shift(each))
         for each, odd, log in zip(candidates, odds[2:], logs, strict=True)
     ]
     ranked = sorted(faults, key=lambda each: (-each.probability, -each.log_factor))
@@ -121,11 +125,23 @@ def _of_unknowns(fitted: Fitted, inflation: Array) -> float:
     inflation: (n,) that all hypotheses are held to.
     """
     fit, unknown = fitted.fit, fitted.fit.unknowns
-    scaled = (fit.values - unknown.mean) / unknown.deviation
     precision = np.eye(unknown.count) + np.tensordot(fit.inflation / inflation, fit.information, axes=1)
-    kept = np.ones(unknown.count, dtype=bool)
-    if fitted.place is not None and fitted.place.effect.smooth:
-        kept[-1] = False
+    kept = _but_its_size(fitted)
     # The size's own volume is its deviation given the others' (Schur's complement).
     _, logdet = np.linalg.slogdet(precision[np.ix_(kept, kept)])
-    return -0.5 * float(np.sum(scaled[kept] ** 2)) - 0.5 * float(logdet)
+    return -_shift(fitted) - 0.5 * float(logdet)
+
+
+def _shift(fitted: Fitted) -> float:
+    """Minus the logarithm of the prior at the fitted values, the size of the effect left out."""
+    fit, unknown = fitted.fit, fitted.fit.unknowns
+    scaled = (fit.values - unknown.mean) / unknown.deviation
+    return 0.5 * float(np.sum(scaled[_but_its_size(fitted)] ** 2))
+
+
+def _but_its_size(fitted: Fitted) -> NDArray[np.bool_]:
+    """The unknowns (m,) that are not the size of its effect."""
+    kept = np.ones(fitted.fit.unknowns.count, dtype=bool)
+    if fitted.place is not None and fitted.place.effect.smooth:
+        kept[-1] = False
+    return kept

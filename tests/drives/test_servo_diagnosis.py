@@ -71,8 +71,13 @@ def log_of(model: Path, changes: dict[int, float], joint: int | slice = 1) -> Re
     return recorded(model, rate=RATE, duration=6.0, seed=2, plant=plant)
 
 
-def diagnosed(model: Path, changes: dict[int, float], without: tuple[str, ...] = ()) -> ServoDiagnosis:
-    robot, log, full = load_robot(model), log_of(model, changes), np.ones(2)
+def diagnosed(
+    model: Path,
+    changes: dict[int, float],
+    without: tuple[str, ...] = (),
+    joint: int | slice = 1,
+) -> ServoDiagnosis:
+    robot, log, full = load_robot(model), log_of(model, changes, joint), np.ones(2)
     assert log.reference_position is not None
     servo = Servo(KP, KD, 0.03 * full, 0 * full, LONGEST_DELAY * full, robot.limits.torque, 0 * full)
     run = ServoRun("run", log.position, log.reference_position, RATE, KP, KD)
@@ -92,9 +97,18 @@ def test_the_fault_that_acts_is_stated_at_its_joint(model: Path, fault: str) -> 
     assert "the catalogue lacks" not in sentence(replace(found, unknown=0.1))
 
 
+def test_a_delay_that_re_identification_takes_in_is_stated_beside_what_is_left(model: Path) -> None:
+    late_and_loose = {DELAY: 0.02, GAP: np.radians(0.5)}
+    found = diagnosed(model, late_and_loose, without=("backlash",), joint=slice(None))
+    # What is left of the position error has nothing to do with the delay.
+    assert np.all(found.corrected > 0.9 * found.parameters)
+    assert np.sum(found.parameters**2) > 4 * np.sum(found.noise**2)
+    assert [(each.effect, each.joint) for each in found.effects] == [("command_delay", None)]
+
+
 def test_an_effect_that_two_rounds_weigh_is_two_hypotheses() -> None:
     fits = [Fit(cast(Any, None), *(np.zeros(2) for _ in range(6)), iterations=1) for _ in range(2)]
-    first, second = (Weighed(Fitted(None, each), 0.5, 0.0) for each in fits)
+    first, second = (Weighed(Fitted(None, each), 0.5, 0.0, 0.0) for each in fits)
     assert second not in (first,)
     assert second in (first, second)
 
