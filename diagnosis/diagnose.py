@@ -18,7 +18,7 @@ from .decision.attribution import Attribution
 from .decision.doubts import ONE_SINE, TOO_SHORT, doubt, is_too_short, with_support
 from .decision.findings import Diagnosis, Gap, NamedEffect
 from .decision.harmful_effects import without_misleading, without_undetermined
-from .decision.held_out_check import closed_without_a_name, pushes_that_hold
+from .decision.held_out_check import closed_without_a_name
 from .decision.ranking import named_effect, named_effects, ranked
 from .decision.verdict import joint_torque, verdict_of
 from .fit.normal_equations import Fit, rms, standard_values
@@ -64,7 +64,7 @@ def diagnose(
     at_rest = left_at_rest(prepared, corrected_by(only[1], final, again, everything(robot.joints)))
     kept, supported, left = _kept(only, final, at_rest, torque, barred is None)
     only, gap = (only[0], replace(only[1], held_out=left[1])), _gap(prepared, final[0], left)
-    found = _reported(found, gap, torque)
+    found = _with_untold(found, gap, torque)
     found = _without_doubtful(found, supported, sines)
     found, kept, gap = _of_joints_that_tell(found, kept, gap, supported, left)
     effects = named_effects(found)
@@ -106,15 +106,14 @@ def _said(
     return verdict, sentence_of(found.prepared.robot, verdict, effects, found.unknown, gap, torque)
 
 
-def _reported(found: Attribution, gap: Gap, torque: Array) -> Attribution:
-    """The attribution with pushes no longer reported if they leave much of the gap; unknown says where.
+def _with_untold(found: Attribution, gap: Gap, torque: Array) -> Attribution:
+    """The attribution with joints unknown whose gap is closed by effects that are not reported.
 
     torque: (n,) N·m of the joints.
     """
     told = {each.joint for each in found.unknown}
     untold = [each for each in closed_without_a_name(found.accepted, gap, torque) if each.joint not in told]
-    accepted, bursts = pushes_that_hold(found.accepted, gap)
-    return replace(found, accepted=accepted, unknown=(*found.unknown, *untold, *bursts))
+    return replace(found, unknown=(*found.unknown, *untold))
 
 
 def _of_joints_that_tell(

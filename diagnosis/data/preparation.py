@@ -33,11 +33,11 @@ class Prepared:
 
     folds: per fold, the run's index and the samples (into its M) that belong to it. band: (n,) of the widest
     band, the share that each joint's filter leaves. encoder_torque: (n,) N·m RMS that encoders' noise
-    seems to add there. thinning: one in so many is kept of the samples that hold what was passed. held:
-    joints that bristles hold, so that their samples near rest count, too. standing: pairs of joints whose
-    shared drive stands still at times: what holds any of that does not count there. lag: by which the logs
-    had their torque late; it is as of the positions here. silent: joints whose torque never changes, of which
-    no sample counts. still: joints that stand still in all runs, which tell nothing of them.
+    seems to add there. thinning: one in so many is kept of the samples that hold what was passed. standing:
+    pairs of joints whose shared drive stands still at times: what holds any of that does not count there.
+    lag: by which the logs had their torque late; it is as of the positions here. silent: joints whose torque
+    never changes, of which no sample counts. still: joints that stand still in all runs, which tell nothing
+    of them.
     """
 
     robot: Robot
@@ -46,7 +46,6 @@ class Prepared:
     encoder_torque: Array
     folds: tuple[tuple[int, slice], ...]
     thinning: int
-    held: frozenset[int] = frozenset()
     standing: frozenset[tuple[int, int]] = frozenset()
     lag: TorqueLag = IN_TIME
     silent: frozenset[int] = frozenset()

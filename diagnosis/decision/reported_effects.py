@@ -1,7 +1,4 @@
-"""Rules for reporting an accepted effect: it is larger than on healthy robots, and no law's rest.
-
-It is judged when it is accepted, and again where effects found later make it seen more clearly.
-"""
+"""Rules for reporting an accepted effect: it is larger than on healthy robots, and probably a fault."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,15 +10,15 @@ from testbench.effects.push import begin_with_runs
 from testbench.robot import Robot
 
 from ..data.preparation import Prepared
-from ..fit.likelihood import Weighed, gained, gained_by_shift
+from ..fit.likelihood import Weighed, gained_by_shift
 from ..fit.normal_equations import Fit, squares
 from ..fit.score import Stage
-from ..model.base_regressor import Ground, ground
+from ..model.base_regressor import ground
 from ..model.candidates import SATURATION, Candidate
-from ..model.effect_sizes import is_beyond_healthy, is_excessive, times_healthy
+from ..model.effect_sizes import is_beyond_healthy, times_healthy
 from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
-from ..plausibility.accepted import Accepted, is_rest, without_one
-from ..plausibility.materiality import SMALLEST_WALD, is_certainly_beyond
+from ..plausibility.accepted import Accepted
+from ..plausibility.materiality import SMALLEST_WALD
 from .found import Found
 from .probability import STATED, Size, fault_probability
 
@@ -35,27 +32,18 @@ NEARLY_ALL = 0.8
 AT_LAST = 9.0
 
 
-def accepted_as(found: Found, stage: Stage, apart: Stage, sized: Robot) -> Accepted:
-    """The effect that a round has found, as an accepted one, and whether it may be reported.
-
-    apart: the stage before any effect of the joints.
-    """
+def accepted_as(found: Found, stage: Stage, sized: Robot) -> Accepted:
+    """The effect that a round has found, as an accepted one, and whether it may be reported."""
     best, torque_rms = found.best, stage.ground.torque_rms
     own = best.candidate, found.trial[1].values[-best.candidate.count :]
     share = float(stage.shares(best.gain).max())
     # Where an imperfection of healthy size would explain it as well, nothing else need be there.
     as_well = [(w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL]
     beyond = all(is_beyond_healthy(sized, torque_rms, *each) for each in (own, *as_well))
-    beyond = beyond and not is_excessive(sized, *own, share)
     beyond = beyond and not is_how_runs_begin(stage.prepared, best.candidate)
-    certain = found.is_certain(stage)
     samples = stage.independent[list(best.candidate.member.rows)]
     # An effect of the whole robot shows at all joints.
     told = samples.max() if best.candidate.family.joint is not None else samples.sum()
-    # Of what re-identification leaves: of what another effect leaves there, little is nearly all.
-    large = is_certainly_beyond(sized, stage, best.gain)
-    is_all = large and apart.shares(best.gain).max() > NEARLY_ALL
-    enough = told >= (FEWEST_OF_ALL if is_all else FEWEST_INDEPENDENT)
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(
         candidate=best.candidate,
@@ -65,9 +53,7 @@ def accepted_as(found: Found, stage: Stage, apart: Stage, sized: Robot) -> Accep
         share=share,
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
         shift=gained_by_shift(stage, best.gain),
-        named=bool(beyond and certain and enough),
-        is_certain=certain,
-        is_trace=found.is_trace,
+        named=bool(beyond and told >= (FEWEST_OF_ALL if share > NEARLY_ALL else FEWEST_INDEPENDENT)),
     )
 
 
@@ -77,55 +63,6 @@ def is_how_runs_begin(prepared: Prepared, each: Candidate) -> bool:
     So do brakes that are let go, and friction that held a joint before the log.
     """
     return each.is_event and begin_with_runs([run.logged for run in prepared.runs], each.member.columns)
-
-
-def judged_again(base: Ground, sized: Robot, accepted: Sequence[Accepted]) -> list[Accepted]:
-    """The accepted effects with those before a push judged again with it fitted, since it hides the others.
-
-    The push is the last one; limits are judged where they are searched for.
-    """
-    found, apart = list(accepted), _of_robots(base, accepted)
-    for place, item in enumerate(accepted[:-1]):
-        if item.candidate.family.effect != SATURATION:
-            found[place] = _judged_beside(apart, sized, found, place)
-    return found
-
-
-def told_apart_at_last(last: Stage, sized: Robot, accepted: Sequence[Accepted]) -> list[Accepted]:
-    """The accepted effects with those not yet reported judged again, now with all later effects fitted."""
-    base, values, found = last.ground, last.fitted.values, list(accepted)
-    hidden = [
-        place
-        for place, (item, own) in enumerate(zip(accepted, last.hypothesis.parts, strict=True))
-        if not (item.named or item.is_everywhere or item.is_trace or is_rest(item, accepted))
-        and item.is_certain
-        and is_beyond_healthy(sized, base.torque_rms, item.candidate, values[own])
-    ]
-    apart = _of_robots(base, accepted) if hidden else last
-    for place in hidden:
-        again = _judged_beside(apart, sized, found, place)
-        if again.named:
-            found[place] = again
-    return found
-
-
-def _of_robots(base: Ground, accepted: Sequence[Accepted]) -> Stage:
-    """The stage with only pushes and effects of the whole robot."""
-    robots = [a.candidate for a in accepted if a.candidate.is_event or a.candidate.family.joint is None]
-    return Stage.of(base, robots)
-
-
-def _judged_beside(apart: Stage, sized: Robot, accepted: Sequence[Accepted], place: int) -> Accepted:
-    """One effect judged again with all other accepted ones fitted. apart: as of ``accepted_as``."""
-    item, base = accepted[place], apart.ground
-    stage = Stage(base, *without_one(base.prepared, accepted, place))
-    gain = stage.gain(item.candidate)
-    if gain is None:
-        return item
-    trial = stage.with_effects([item.candidate])
-    gain = stage.as_fitted(gain, trial)
-    best = Weighed(gain, gained(stage, gain))
-    return accepted_as(Found(best, item.rivals, trial), stage, apart, sized)
 
 
 def likely_faults(
@@ -177,14 +114,13 @@ def as_fitted_at_last(
 ) -> list[Accepted]:
     """The accepted effects with their final shapes and sizes, as fitted to all runs together.
 
-    An effect is no longer reported where it is larger than any gear has it, no larger than on a healthy
-    robot, or not distinguished from zero.
+    An effect is no longer reported where it is no larger than on a healthy robot, or not distinguished from
+    zero.
     """
     found, torque_rms = [], ground(hypothesis.prepared).torque_rms
     for item, part, candidate in zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True):
         own = candidate, fitted.values[part]
-        named = item.named and not is_excessive(sized, *own, item.share)
-        named = named and times_healthy(sized, torque_rms, *own) > 1
+        named = item.named and times_healthy(sized, torque_rms, *own) > 1
         # A limit that the drive reports leaves no gap, and a push is recognised by its time.
         elsewhere = candidate.is_event or candidate.family.effect == SATURATION
         named = named and (elsewhere or fitted.wald(part) > AT_LAST)

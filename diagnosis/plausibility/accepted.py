@@ -5,26 +5,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbench.robot import Robot
-
 from ..data.preparation import Prepared
 from ..fit.likelihood import Weighed
 from ..fit.normal_equations import Fit, fitted_to
 from ..fit.score import Stage
 from ..model.candidates import Candidate
-from ..model.effect_sizes import CABLE, ELASTIC, SPRINGS, is_plausible
+from ..model.effect_sizes import CABLE, SPRINGS
 from ..model.hypothesis import Design
-from ..residual.unexplained import NOTHING, Unclaimed, share_left
+from ..residual.unexplained import Unclaimed, share_left
 
 # Cycles a revolution.
 SLOWEST_RIPPLE = 10.0
 # A spring that explains this share of a joint's squared residual is one, though not quite by its law; a hose
 # is no straight line either.
 ONE_LAW, HOSE = 0.995, 0.95
-# Squared residual that is left where a joint's own elasticity is all that gives way, as a share of what
-# re-identification leaves.
-ELASTIC_LEFT = 0.16
-RESONANCE = "resonance with other joints"
 COUPLING = "joint_coupling"
 
 
@@ -35,11 +29,9 @@ class Accepted:
     score: log-likelihood that it added. share: of some joint's held-out squared residual, the largest. worth:
     mean squares that it took off the joints' residuals, each by its own torque, summed. shift: log-likelihood
     of the parameters' shift that it spares. named: whether it is larger than on any healthy robot.
-    is_certain: whether its size is known well enough for that. is_trace: found by a trace that only shows
-    with every joint's imperfections fitted, or where there are none. fault: the probability that it is a
-    fault and no imperfection. is_everywhere: whether it is not reported because other joints have as much.
-    is_suspected: whether only that probability speaks against reporting it. doubt: why it is no longer
-    reported.
+    fault: the probability that it is a fault and no imperfection. is_everywhere: whether it is not reported
+    because other joints have as much. is_suspected: whether only that probability speaks against reporting
+    it. doubt: why it is no longer reported.
     """
 
     candidate: Candidate
@@ -50,8 +42,6 @@ class Accepted:
     worth: float
     shift: float = 0.0
     named: bool = True
-    is_certain: bool = True
-    is_trace: bool = False
     fault: float = 1.0
     is_everywhere: bool = False
     is_suspected: bool = False
@@ -92,33 +82,6 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
         laws = {a.candidate.family.effect for a in named if a.candidate.family.joint == joint}
         if len(laws) > 1:
             found.append(Unclaimed(joint, "position", 1 - left))
-    return tuple(found)
-
-
-def resonances(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
-    """Joints that seem elastic, if several do and some are explained badly: what carries them gives way.
-
-    A base that rocks and a link that bends shake several joints at once. first, last: as above.
-    """
-    elastic = [a.candidate for a in accepted if a.named and a.candidate.family.effect == ELASTIC]
-    joints = [each.family.joint for each in elastic if each.family.joint is not None]
-    left = share_left(first, last)[joints].tolist()
-    if len(joints) < 2 or max(left) < ELASTIC_LEFT:
-        return ()
-    return tuple(Unclaimed(j, RESONANCE, 1 - share) for j, share in zip(joints, left, strict=True))
-
-
-def out_of_bounds(
-    robot: Robot, hypothesis: Design, fitted: Fit, accepted: Sequence[Accepted]
-) -> tuple[Unclaimed, ...]:
-    """Joints whose named effects come out, with all runs fitted together, as no arm has them."""
-    found = []
-    for item, own in zip(accepted, hypothesis.parts, strict=True):
-        joint = item.candidate.family.joint
-        if not item.named or joint is None or item.candidate.is_event:
-            continue
-        if not is_plausible(robot, item.candidate, fitted.values[own]):
-            found.append(Unclaimed(joint, NOTHING, item.share))
     return tuple(found)
 
 

@@ -20,7 +20,6 @@ from scipy.optimize import minimize_scalar
 from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects.columns import on_one_joint
 from testbench.effects.signature import Logged
-from testbench.robot import Robot
 
 from ..data.preparation import Prepared
 from ..data.run import DEAD_ZONE
@@ -31,7 +30,6 @@ from ..model.candidates import Candidate, without_law
 from ..model.effect_sizes import BRISTLES
 from ..model.gram import Bank
 from ..plausibility.materiality import NEAR_REST
-from .presliding import held_by_bristles
 from .standing_drive import apart_from_standing, standing_drives
 
 Array = NDArray[np.float64]
@@ -61,13 +59,12 @@ LEADING, SMALLEST_LEADING = 2, 0.6
 class NearRest:
     """Coulomb friction fc tanh((v + l a) / w) of every joint.
 
-    widths: w of the joints that are soft, rad/s (m/s). lead: l of all, s. held: joints that bristles hold, so
-    that their samples near rest count. standing: pairs of joints whose shared drive stands still at times.
+    widths: w of the joints that are soft, rad/s (m/s). lead: l of all, s. standing: pairs of joints whose
+    shared drive stands still at times.
     """
 
     widths: Mapping[int, float] = field(default_factory=dict)
     lead: float = 0.0
-    held: frozenset[int] = frozenset()
     standing: frozenset[tuple[int, int]] = frozenset()
 
 
@@ -89,18 +86,11 @@ def soft_candidates(prepared: Prepared) -> list[Candidate]:
     ]
 
 
-def near_rest(
-    robot: Robot,
-    stage: Stage,
-    weighed: Sequence[Weighed],
-    ahead: Bank,
-    soft: Bank,
-    catalogue: Sequence[Candidate],
-) -> NearRest | None:
-    """Friction near rest that the runs show beyond the known: lead, widths, held joints; None without any.
+def near_rest(stage: Stage, weighed: Sequence[Weighed], ahead: Bank, soft: Bank) -> NearRest | None:
+    """Friction near rest that the runs show beyond the known: lead, widths, standing drives; or None.
 
-    robot: that sizes are relative to. weighed: gain of each catalogue effect over the stage's.
-    ahead, soft: of ``lead_candidates`` and ``soft_candidates``.
+    weighed: gain of each catalogue effect over the stage's. ahead, soft: of ``lead_candidates`` and
+    ``soft_candidates``.
     """
     least = np.full(stage.prepared.joints, SMALLEST_GAIN)
     for rival in weighed:
@@ -117,12 +107,10 @@ def near_rest(
         # The width of the reversal is found once its time is known.
         return NearRest({}, lead, standing=stage.prepared.standing)
     known = {int(j): float(w) for j, w in enumerate(stage.prepared.coulomb_smoothing) if w > 0}
-    widths, held = _soft(stage, least, soft), held_by_bristles(robot, stage, catalogue)
-    standing = standing_drives(stage)
-    if not widths and not held and not standing:
+    widths, standing = _soft(stage, least, soft), standing_drives(stage)
+    if not widths and not standing:
         return None
-    held = stage.prepared.held | held - widths.keys()
-    return NearRest(known | widths, stage.prepared.coulomb_lead, held, stage.prepared.standing | standing)
+    return NearRest(known | widths, stage.prepared.coulomb_lead, stage.prepared.standing | standing)
 
 
 def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> float:
@@ -153,7 +141,7 @@ def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> fl
 def _soft(stage: Stage, least: Array, soft: Bank) -> dict[int, float]:
     """The joints whose friction is soft near rest, softer than is known, and its width w, rad/s (m/s)."""
     # Bristles are soft near rest in their own way.
-    bristled = stage.hypothesis.joints_with(BRISTLES) | stage.prepared.held
+    bristled = stage.hypothesis.joints_with(BRISTLES)
     coulomb, least = _coulomb(stage), least.copy()
     found: dict[int, float] = {}
     for each, gain in zip(soft.candidates, stage.gains(soft), strict=True):
@@ -216,12 +204,10 @@ def with_friction_near_rest(prepared: Prepared, known: NearRest) -> Prepared:
             rows[joint] = run.rows[joint].copy()
             rows[joint][:, COULOMB] = share[:, 0]
             used[:, joint] &= run.away_from(joint, slowest.get(joint, DEAD_ZONE))
-        for joint in known.held:
-            used[:, joint] = run.whole[:, joint]
         for pair in known.standing:
             used[:, pair] &= apart_from_standing(run, pair)
         runs.append(replace(run, used=used, rows=tuple(rows)))
-    return replace(prepared, runs=tuple(runs), held=known.held, standing=known.standing)
+    return replace(prepared, runs=tuple(runs), standing=known.standing)
 
 
 def _slowest(prepared: Prepared, joint: int, width: float) -> float | None:

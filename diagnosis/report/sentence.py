@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from ..decision.findings import LITTLE_CLOSED, PERHAPS_NOISE, Gap, NamedEffect
-from ..plausibility.accepted import RESONANCE
-from ..proposals.one_sided_springs import ONE_SIDED
 from ..residual.unexplained import NOTHING, UNTOLD, Unclaimed
 
 Array = NDArray[np.float64]
@@ -18,11 +16,6 @@ Array = NDArray[np.float64]
 LITTLE_OF_TORQUE = 0.05
 # A reported effect below this probability is as likely as not.
 UNSURE = 0.6
-# What would make a robot so.
-LIKELY = {
-    RESONANCE: ": a base that rocks or a link that bends would",
-    ONE_SIDED: ": a hose with slack or a bumper would",
-}
 # What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
 NEXT_TO_NOTHING = 0.005
 
@@ -102,8 +95,7 @@ def unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
         return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"
     if item.regime == UNTOLD:
         return f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {UNTOLD}"
-    followed = item.regime if item.regime in (NOTHING, ONE_SIDED) else f"the joint's {item.regime}"
-    likely = LIKELY.get(item.regime, "")
+    followed, likely = item.regime if item.regime == NOTHING else f"the joint's {item.regime}", ""
     if item.period is not None:
         followed = f"the joint's {item.period}"
     if item.frequency is not None:

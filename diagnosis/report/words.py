@@ -132,13 +132,11 @@ def verdict(diagnosis: Diagnosis) -> str:
 
 
 def near_rest(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on friction near rest: soft joints, joints held by bristles, friction that turns ahead."""
+    """Sentences on friction near rest: soft joints, friction that turns ahead."""
     names, width = diagnosis.robot.joint_names, diagnosis.prepared.coulomb_smoothing
     soft = [f"{names[joint]} {width[joint]:.2g}" for joint in np.flatnonzero(width).tolist()]
     law = "Coulomb friction is soft near rest, fc tanh(v / w) with w in rad/s (m/s)"
     said = [f"{law}: {', '.join(soft)}."] if soft else []
-    if held := [names[joint] for joint in sorted(diagnosis.prepared.held)]:
-        said.append(f"Bristles hold {', '.join(held)} at rest: there, samples near rest count, too.")
     if (lead := diagnosis.prepared.coulomb_lead) > 0:
         ahead = f"All Coulomb friction changes sign {1e3 * lead:.1f} ms ahead of the joints"
         said.append(f"{ahead}, as a soft constraint has it: these logs seem to be of MuJoCo's frictionloss.")

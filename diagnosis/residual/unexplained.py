@@ -1,25 +1,22 @@
 """Structure that the hypothesis leaves: where a free function of the motion explains what no effect does."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from testbench.robot import Robot
-
-from ..fit.likelihood import Weighed, weigh
+from ..fit.likelihood import weigh
 from ..fit.normal_equations import fit, is_extrapolated, squares
 from ..fit.score import Gain, Stage
 from ..model.candidates import FREE
-from ..model.effect_sizes import SPRINGS, is_beyond_healthy
 from ..model.free_functions import RUN_TIME
 from ..model.gram import Bank
 from ..model.hypothesis import LATE, design
 from .localisation import regime_shares
 from .noise import noise
 from .shares import RegimeShare
-from .spectrum import PERIODIC, SPECTRAL, slow_share
+from .spectrum import PERIODIC
 
 Array = NDArray[np.float64]
 
@@ -29,29 +26,12 @@ SMALLEST_SHARE, SMALLEST_TORQUE = 0.25, 0.015
 # ... and that is this share of what re-identification left, and of what the accepted effects explain there.
 SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
 
-# What an effect of healthy size explains, this share of it, is none where it is less than this of the torque;
-# as surely as an effect that is reported.
-AS_WELL, LITTLE_TORQUE, SMALLEST_WALD = 0.8, 0.03, 25.0
-
-# What is left counts without any function to follow where it is this share of the joint's RMS torque, so many
-# times the noise, and this share of what re-identification left.
-MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.1, 3.0, 0.5
-# Or less noise, where the joint in the middle of all has a sixth of it: no law's residual is at one joint
-# only.
-FAR_OUT, FAR_OUT_NOISE = 6.0, 2.0
-# So does what is this share of the joint's torque and so many times what the joint in the middle of all has
-# (or less and more times), not noise, and this share of what re-identification left: a law that is nearly the
-# robot's leaves less, and a spring's next to nothing.
-STANDING_OUT = ((0.03, 3.0), (0.02, 4.0))
-STANDING_OUT_LEFT, SPRING_LEFT = 0.37, 0.12
-# And what is slow, where it is this share of the joint's torque: no healthy joint leaves so much but noise.
-# Half as much must be left of all runs together, or only one run shows it.
-STRUCTURE, FITTED_STRUCTURE, SLOW = 0.04, 0.02, 0.5
-# Or is not noise because some part of the motion has so many times its share of it.
-DENSE = 2.0
-# And whatever it looks like, where it is this share of the joint's torque (imperfections of any joint are one
-# or two per cent), so many times the noise, and this share of what re-identification left.
-LOUD_TORQUE, LOUD_NOISE, LOUD_LEFT = 0.03, 6.0, 0.2
+# What is left counts without any function to follow where it is this share of the joint's RMS torque (a
+# healthy one leaves one or two per cent), so many times the noise, and this share of what re-identification
+# left; where an effect has a name less is enough, since a law that only resembles the joint's leaves more.
+MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT, NAMED_LEFT = 0.03, 6.0, 0.2, 0.1
+# What is worse than without any effect, by this, says nothing of the robot.
+MISFIT_WORSE = 1.1
 # What is less than this share of the step in which torque is logged is rounding, not white but a function of
 # the torque: 1 / sqrt(12), and a fifth more.
 QUANTISED = 0.35
@@ -60,7 +40,6 @@ QUANTISED = 0.35
 BY_CHANCE = 3.0
 # A period counts from so many times the share that chance gives one.
 MORE_THAN_CHANCE = 2.0
-WORSE = 0.1
 NOTHING, TIMING = "nothing that was tried", "rate of torque"
 # Residual explained by effects of which these runs are not sure.
 UNTOLD = "effects that these runs do not tell for sure"
@@ -108,18 +87,17 @@ def _of_motion(stage: Stage, free: Bank) -> list[Gain]:
     return [gain for gain in gains if gain.candidate.family.effect != FREE + RUN_TIME]
 
 
-def unclaimed(first: Stage, last: Stage, free: Bank, certain: Stage | None = None) -> tuple[Unclaimed, ...]:
+def unclaimed(first: Stage, last: Stage, free: Bank, named: Collection[int] = ()) -> tuple[Unclaimed, ...]:
     """Unexplained residuals of the joints, found by functions of the motion free of any law; largest first.
 
     first: re-identification, without effects. last: with all accepted effects. free: candidates of
-    generic.py. certain: with only those whose size is known, if not all are: the others take a part of
-    anything.
+    free_functions.py. named: joints with an effect that may be reported.
     """
     found: dict[int, Unclaimed] = {}
     for each in (*_of_free_functions(first, last, free), *_of_periods(first, last), *_of_timing(last)):
         if each.joint not in found or each.share > found[each.joint].share:
             found[each.joint] = each
-    for each in _of_nothing(first, last if certain is None else certain):
+    for each in _of_nothing(first, last, named):
         found.setdefault(each.joint, each)
     told = [each for each in found.values() if last.hypothesis.has_enough_samples[each.joint]]
     return tuple(sorted(told, key=lambda item: -item.share))
@@ -195,68 +173,27 @@ def _of_timing(last: Stage) -> Iterator[Unclaimed]:
     yield Unclaimed(joint, TIMING, float(share[joint]))
 
 
-def without_imperfections(
-    robot: Robot, first: Stage, last: Stage, found: Sequence[Unclaimed], open_: Sequence[Weighed]
-) -> list[Unclaimed]:
-    """Unexplained residuals, without small ones that an effect of a healthy size explains as well.
-
-    robot: that sizes are relative to. open_: the effects that the last stage has not.
-    """
-
-    def explains(weighed: Weighed, joint: int, squares: float) -> bool:
-        gain, own = weighed.gain, weighed.candidate.family.joint
-        if own != joint or gain.wald < SMALLEST_WALD or gain.held_out[joint] < AS_WELL * squares:
-            return False
-        return not is_beyond_healthy(robot, last.ground.torque_rms, gain.candidate, gain.coefficients)
-
-    kept = []
-    for each in found:
-        squares = each.share * float(first.held_squares[each.joint])
-        torque = np.sqrt(squares / max(float(last.counts[each.joint]), 1.0))
-        is_little = torque < LITTLE_TORQUE * last.ground.torque_rms[each.joint] and each.regime != NOTHING
-        if not (is_little and any(explains(w, each.joint, squares) for w in open_)):
-            kept.append(each)
-    return kept
-
-
 def share_left(first: Stage, last: Stage) -> Array:
     """The part of the held-out squared residual of the first stage that the last one leaves, (n,)."""
     return last.held_squares / np.maximum(first.held_squares, 1e-300)
 
 
-def _of_nothing(first: Stage, last: Stage) -> Iterator[Unclaimed]:
+def _of_nothing(first: Stage, last: Stage, named: Collection[int]) -> Iterator[Unclaimed]:
     """Unexplained residual too large for noise that follows neither the motion nor a period."""
-    of_sensors = noise(last.prepared)
-    relative, times_noise = _relative(last), _rms(last) / of_sensors.rms
-    left = share_left(first, last)
-    unfit = (relative > MISFIT_TORQUE) & (left > MISFIT_LEFT)
-    middle = float(np.median(relative))
-    stands_out = np.any(
-        [(relative > least) & (relative > times * middle) for least, times in STANDING_OUT], axis=0
-    )
-    sprung = last.hypothesis.joints_with(*SPRINGS)
-    most = np.where([joint in sprung for joint in range(len(left))], SPRING_LEFT, STANDING_OUT_LEFT)
-    # What is worse than without any effect says nothing of the robot.
-    no_worse = left < 1 + WORSE
-    stands_out &= (left > most) & no_worse
-    structured = (relative > STRUCTURE) & (left > MISFIT_LEFT) & no_worse
-    extrapolated = is_extrapolated(squares(last.fitted.residual), last.held_squares)
-    counted = _rms(last) < QUANTISED * last.prepared.torque_step
-    loud = (relative > LOUD_TORQUE) & (times_noise > LOUD_NOISE) & of_sensors.seen
-    loud &= (left > LOUD_LEFT) & no_worse
-    # A push leaves much of itself where it acted otherwise than was fitted.
-    loud &= not any(each.is_event for each in last.hypothesis.accepted)
-    for joint in np.flatnonzero((unfit | stands_out | structured | loud) & ~extrapolated & ~counted).tolist():
-        slow, foretold = _slow(last, joint, last.fitted.held_out)
-        _, fitted = _slow(last, joint, last.fitted.residual)
-        is_large = loud[joint] or (unfit[joint] and times_noise[joint] > MISFIT_NOISE)
-        is_large |= (
-            structured[joint] and relative[joint] > FAR_OUT * middle and times_noise[joint] > FAR_OUT_NOISE
-        )
-        is_structure = structured[joint] and foretold > STRUCTURE and fitted > FITTED_STRUCTURE
-        is_slow = slow > SLOW and (stands_out[joint] or is_structure)
-        if is_large or is_slow or ((unfit | stands_out)[joint] and _is_dense(last, joint)):
-            yield Unclaimed(joint, NOTHING, min(float(left[joint]), 1.0))
+    of_sensors, left = noise(last.prepared), share_left(first, last)
+    joints = np.arange(len(left))
+    is_loud = of_sensors.seen & (_rms(last) > MISFIT_NOISE * of_sensors.rms) & (left < MISFIT_WORSE)
+    # The rounding of a log is a function of its torque.
+    is_loud &= _rms(last) > QUANTISED * last.prepared.torque_step
+    is_loud &= ~is_extrapolated(squares(last.fitted.residual), last.held_squares)
+    is_misfit = is_loud & np.isin(joints, list(named)) & (left > NAMED_LEFT)
+    is_misfit |= is_loud & (left > MISFIT_LEFT) & (_relative(last) > MISFIT_TORQUE)
+    for push in last.hypothesis.accepted:
+        # One that explains its own joint leaves much at others, where it acted otherwise than was fitted.
+        if push.is_event and not is_misfit[push.family.joint]:
+            is_misfit[list(push.member.rows)] = False
+    for joint in np.flatnonzero(is_misfit).tolist():
+        yield Unclaimed(joint, NOTHING, min(float(left[joint]), 1.0))
 
 
 def _rms(stage: Stage) -> Array:
@@ -267,22 +204,3 @@ def _rms(stage: Stage) -> Array:
 def _relative(stage: Stage) -> Array:
     """The same by the joint's RMS torque."""
     return _rms(stage) / stage.ground.torque_rms
-
-
-def _slow(stage: Stage, joint: int, residual: Sequence[Array]) -> tuple[float, float]:
-    """Share of a joint's squared residual in the motion's frequencies, beyond noise; and its relative RMS.
-
-    The share is 0 for noise and 1 for a residual at no other frequencies; the RMS is relative to the joint's
-    RMS torque. residual: a run (M, n).
-    """
-    own, used = [run[:, joint] for run in residual], [run[:, joint] for run in stage.hypothesis.used]
-    share, expected = slow_share(stage.prepared.runs, joint, own, used)
-    slow = (share - expected) / (1 - expected)
-    square = sum(float(np.sum(run**2)) for run in own) / max(float(stage.counts[joint]), 1.0)
-    return slow, float(np.sqrt(max(slow, 0.0) * square)) / float(stage.ground.torque_rms[joint])
-
-
-def _is_dense(stage: Stage, joint: int) -> bool:
-    """Whether some part of the motion surely has so many times the residual that noise would have there."""
-    shares = regime_shares(stage.prepared, stage.fitted.held_out, stage.hypothesis.used, joint)
-    return any(each.low > DENSE * each.expected for each in shares if each.aspect not in SPECTRAL)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from testbench.robot import Robot
 
 from ..decision.attribution import Attribution
-from ..decision.reported_effects import as_fitted_at_last, likely_faults, told_apart_at_last
+from ..decision.reported_effects import as_fitted_at_last, likely_faults
 from ..fit.likeliest_shapes import after_a_step, at_likeliest_shapes
 from ..fit.likelihood import Weighed, gained, weigh
 from ..fit.normal_equations import Fit, fitted_to
@@ -15,24 +15,16 @@ from ..model.base_regressor import Ground
 from ..model.candidates import SATURATION
 from ..model.hypothesis import Design
 from ..model.library import Sought
-from ..plausibility.accepted import (
-    Accepted,
-    laws_of_position,
-    out_of_bounds,
-    resonances,
-    without_one,
-    without_rests,
-)
+from ..plausibility.accepted import Accepted, laws_of_position, without_one, without_rests
 from ..plausibility.materiality import is_material
 from ..plausibility.observability import not_observable
 from ..proposals.flat_top import flat_tops
-from ..proposals.one_sided_springs import one_sided
 from ..proposals.vibration import vibrations, with_its_line, without_shaken, worth_telling
-from ..residual.unexplained import NOTHING, Unclaimed, unclaimed, with_its_period, without_imperfections
+from ..residual.unexplained import NOTHING, Unclaimed, unclaimed, with_its_period
 from .grown import Grown, as_of
 
 # Patterns in what effects explain or leave that no effect of the catalogue makes.
-IMITATIONS = (laws_of_position, one_sided, resonances, vibrations)
+IMITATIONS = (laws_of_position, vibrations)
 
 
 def concluded(grown: Grown, sought: Sought) -> Attribution:
@@ -49,10 +41,6 @@ def concluded(grown: Grown, sought: Sought) -> Attribution:
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, grown.banks.proposals) if w.candidate.place not in taken]
     accepted = likely_faults(sized, hypothesis, fitted, accepted, open_)
-    accepted = told_apart_at_last(last, sized, accepted)
-    accepted = likely_faults(sized, hypothesis, fitted, accepted, open_)
-    certain = [a.candidate for a in accepted if a.is_certain]
-    sure = None if len(certain) == len(accepted) else Stage.of(base, certain)
     imitated = [each for kind in IMITATIONS for each in kind(original, last, accepted)]
     if len(kept := without_shaken(accepted, imitated)) < len(accepted):
         accepted = kept
@@ -62,10 +50,9 @@ def concluded(grown: Grown, sought: Sought) -> Attribution:
     hypothesis, fitted = after_a_step(sized, hypothesis, fitted, named)
     accepted = as_fitted_at_last(sized, hypothesis, fitted, accepted)
     accepted = likely_faults(sized, hypothesis, fitted, accepted, open_)
-    unmet = out_of_bounds(sized, hypothesis, fitted, accepted)
-    left = unclaimed(original, last, grown.banks.free, sure)
-    misfits = _like_nothing(last, without_imperfections(sized, original, last, left, open_), imitated)
-    unknown = (*misfits, *worth_telling(imitated), *unmet)
+    names = {j for a in accepted if a.named and (j := a.candidate.family.joint) is not None}
+    misfits = _like_nothing(last, unclaimed(original, last, grown.banks.free, names), imitated)
+    unknown = (*misfits, *worth_telling(imitated))
     open_at = {each.joint for each in unknown}
     reported = (replace(a, named=a.named and a.candidate.family.joint not in open_at) for a in accepted)
     return Attribution(
@@ -132,10 +119,9 @@ def _pruned(
                 gain = stage.as_fitted(gain, (hypothesis, fitted))
             # The timing of the log makes up for all that a delay explains.
             is_late = item.named and item.candidate.is_common_delay
-            kept = item.candidate.is_event or item.is_trace or is_late
-            # An effect that was best when it was accepted is judged as such.
+            kept = item.candidate.is_event or is_late
             weighed = None if gain is None else Weighed(gain, gained(stage, gain))
-            keeps = kept or (weighed is not None and is_material(sized, stage, weighed, is_best=True))
+            keeps = kept or (weighed is not None and is_material(sized, stage, weighed))
             worth.append((keeps, 0.0 if weighed is None else weighed.score))
         weakest = min(range(len(worth)), key=lambda k: (worth[k][0], worth[k][1]))
         if worth[weakest][0]:

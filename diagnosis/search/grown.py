@@ -39,15 +39,13 @@ class Grown:
     """A hypothesis as far as it is grown.
 
     original: re-identification, without effects. sized: the robot that sizes are relative to. stage: with all
-    accepted effects. apart: with those that act on the whole robot alone, since what these explain at a joint
-    has nothing to do with the joint's own. weighed: candidates that are not accepted, best first. banks: None
-    while they are to be made anew.
+    accepted effects. weighed: candidates that are not accepted, best first. banks: None while they are to be
+    made anew.
     """
 
     original: Stage
     sized: Robot
     stage: Stage
-    apart: Stage
     accepted: tuple[Accepted, ...]
     weighed: tuple[Weighed, ...]
     banks: Banks | None

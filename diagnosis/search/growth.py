@@ -14,7 +14,7 @@ import numpy as np
 from ..data.preparation import Prepared
 from ..decision.attribution import Attribution
 from ..decision.found import Found
-from ..decision.reported_effects import accepted_as, judged_again
+from ..decision.reported_effects import accepted_as
 from ..fit.likelihood import Weighed
 from ..fit.linearisation import PAYLOAD, RELINEARISED, TRANSMISSIONS, first_linearised
 from ..fit.normal_equations import standard_values
@@ -24,7 +24,6 @@ from ..model.base_regressor import ground
 from ..model.effect_sizes import OFFSET, with_friction
 from ..model.gram import Bank
 from ..model.library import Sought
-from ..plausibility.accepted import Accepted, without_one
 from ..proposals.low_speed_friction import NearRest, near_rest, with_friction_near_rest
 from ..proposals.saturation import Cut, cuts
 from ..proposals.transmission_load import linearised_until_settled
@@ -71,18 +70,13 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
     zero = _zero_of(prepared) if prepared.zeros.any() else None
     if zero and _is_of_another(zero, grown.weighed):
         return None
-    # With the effects accepted after it fitted, a push is seen more clearly.
-    resought = False
     while len(grown.accepted) < MOST_TERMS and sum(a.named for a in grown.accepted) < MOST_EFFECTS:
         banks = grown.banks
         assert banks is not None
-        more = near_rest(grown.sized, grown.stage, grown.weighed, banks.ahead, banks.soft, sought.catalogue)
+        more = near_rest(grown.stage, grown.weighed, banks.ahead, banks.soft)
         if more is not None:
             return more
         found = search.round(grown.stage, grown.weighed, banks.free)
-        if found is None and not resought and (place := _of_event(grown.accepted)) < len(grown.accepted) - 1:
-            resought = True
-            grown, found = _with_push_again(grown, search, place)
         del banks
         if found is None:
             break
@@ -93,8 +87,6 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
             # Columns along the runs as they were linearised before are of no use, and large.
             grown = replace(grown, banks=None, weighed=())
         grown = _with(grown, found, search, sought)
-        if found.is_last:
-            break
     return grown
 
 
@@ -110,12 +102,11 @@ def _begun(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
     search = Search(original, sized, limits, tuple(sought.without))
     banks = Banks.beside(proposals, original.ground, sought.motions)
     weighed = tuple(search.open(original, proposals))
-    return Grown(original, sized, original, original, (), weighed, banks), search
+    return Grown(original, sized, original, (), weighed, banks), search
 
 
 def _with(grown: Grown, found: Found, search: Search, sought: Sought) -> Grown:
     """The hypothesis with one more effect; without its banks, these are made anew."""
-    taken_in = found.best.candidate.family
     hypothesis, fitted = found.trial
     banks, base = grown.banks, grown.stage.ground
     if banks is None:
@@ -125,26 +116,9 @@ def _with(grown: Grown, found: Found, search: Search, sought: Sought) -> Grown:
         banks = Banks.beside(Bank(base, sought.catalogue), base, sought.motions)
     stage = Stage(base, hypothesis, fitted)
     weighed = search.open(stage, banks.proposals)
-    own = accepted_as(found, grown.stage, grown.apart, grown.sized)
+    own = accepted_as(found, grown.stage, grown.sized)
     accepted = as_of(hypothesis, [*grown.accepted, own])
-    if found.best.candidate.is_event:
-        accepted = judged_again(base, grown.sized, accepted)
-    apart = stage if taken_in.joint is None else grown.apart
-    return replace(
-        grown, stage=stage, apart=apart, accepted=tuple(accepted), weighed=tuple(weighed), banks=banks
-    )
-
-
-def _with_push_again(grown: Grown, search: Search, place: int) -> tuple[Grown, Found | None]:
-    """The push, at this place among the accepted effects, searched for again beside those after it."""
-    assert grown.banks is not None
-    base = grown.stage.ground
-    alone = Stage(base, *without_one(base.prepared, grown.accepted, place))
-    found = search.push(alone, grown.banks.free)
-    if found is None:
-        return grown, None
-    rest = tuple(a for k, a in enumerate(grown.accepted) if k != place)
-    return replace(grown, accepted=rest, stage=alone), found
+    return replace(grown, stage=stage, accepted=tuple(accepted), weighed=tuple(weighed), banks=banks)
 
 
 def _zero_of(prepared: Prepared) -> tuple[str, int]:
@@ -157,8 +131,3 @@ def _is_of_another(zero: tuple[str, int], weighed: Sequence[Weighed]) -> bool:
     places = [w.candidate.place[:2] for w in weighed]
     ahead = places[: places.index(zero)] if zero in places else places
     return any(name in LIKE_ZEROS for name, _ in ahead)
-
-
-def _of_event(accepted: Sequence[Accepted]) -> int:
-    """Index of a push among the accepted effects; their number where there is none."""
-    return next((place for place, a in enumerate(accepted) if a.candidate.is_event), len(accepted))

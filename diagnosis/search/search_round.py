@@ -12,14 +12,12 @@ from ..decision.found import Found
 from ..fit.likelihood import Weighed, weigh
 from ..fit.score import Gain, Stage
 from ..model.candidates import EVENT, SATURATION
-from ..model.effect_sizes import ELASTIC, RIPPLE, is_beyond_healthy, is_plausible
+from ..model.effect_sizes import ELASTIC, RIPPLE, is_plausible
 from ..model.gram import Bank
-from ..plausibility.materiality import OF_ENCODER, is_material
+from ..plausibility.materiality import is_material
 from ..proposals.contact import contact, explains_all_bursts, is_in_bursts_at_several
 from ..proposals.ripple_peaks import ripple_candidates
 from ..proposals.saturation import Cut, saturation
-from ..residual.unexplained import unclaimed
-from .absorbed_effects import swallowed
 from .shortlist import choose
 
 # An effect that all runs together fit as zero, by this Wald statistic, is none, whatever parts predict.
@@ -74,14 +72,13 @@ class Search:
         ]
 
     def round(self, stage: Stage, weighed: Sequence[Weighed], free: Bank) -> Found | None:
-        """The likeliest effect: a material one or a limit, else a push, else a trace of an absorbed effect.
+        """The likeliest effect: a material one or a limit, else a push.
 
         weighed: of ``open``. free: candidates of generic.py.
         """
-        most = weighed[0].score if weighed else 0.0
         # It takes longer than all else: searched for where it may matter, and once.
         push = cache(partial(self.push, stage, free))
-        material = [w for w in weighed if is_material(self.sized, stage, w, w.score >= AS_MUCH * most)]
+        material = [w for w in weighed if is_material(self.sized, stage, w)]
         clipped = None if SATURATION in self.without else saturation(stage, free, self.limits)
         limit = 0.0 if clipped is None else clipped.score
         largest = max((w.score for w in material), default=0.0)
@@ -102,12 +99,7 @@ class Search:
             return Found(clipped, (), stage.with_effects([clipped.candidate]))
         if material and (chosen := choose(self.sized, stage, material, weighed, self.without)) is not None:
             return Found(*chosen)
-        if (pushed := push()) is not None:
-            return pushed
-        if unclaimed(self.first, stage, free):
-            # Effects that are not reported leave traces of all kinds.
-            return None
-        return self._trace(stage, weighed)
+        return push()
 
     def push(self, stage: Stage, free: Bank) -> Found | None:
         """A push of the surroundings, the only one."""
@@ -115,25 +107,6 @@ class Search:
             return None
         found = contact(stage, free)
         return None if found is None else Found(*found)
-
-    def _trace(self, stage: Stage, weighed: Sequence[Weighed]) -> Found | None:
-        """The likeliest effect that parameters absorb and that is larger than on healthy robots, or None."""
-        after, traces = swallowed(stage, weighed)
-        traces = [
-            w
-            for w in traces
-            if is_plausible(self.sized, w.candidate, w.gain.coefficients)
-            and is_beyond_healthy(self.sized, stage.ground.torque_rms, w.candidate, w.gain.coefficients)
-        ]
-        if not traces:
-            return None
-        # The other error of its encoder may do as well.
-        encoders = [w.candidate for w in weighed if w.candidate.family.effect in OF_ENCODER]
-        chosen = choose(self.sized, after, traces, weigh(after, Bank(after.ground, encoders)))
-        if chosen is None:
-            return None
-        best, rivals, _ = chosen
-        return Found(best, rivals, stage.with_effects([best.candidate]), is_trace=True, is_last=True)
 
 
 def _is_told_elsewhere(stage: Stage, gain: Gain, limit: Weighed) -> bool:

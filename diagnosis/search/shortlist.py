@@ -9,12 +9,12 @@ from testbench.robot import Robot
 
 from ..fit.likeliest_shapes import at_likeliest_shape, is_searched
 from ..fit.likelihood import Weighed, gained, log_likelihood, log_posterior, odds, price
-from ..fit.linearisation import TRANSMISSIONS, bends_parameters, linearised_anew
+from ..fit.linearisation import bends_parameters, linearised_anew
 from ..fit.normal_equations import Fit
 from ..fit.score import Stage
 from ..fit.shape_search import searched_for
 from ..model.candidates import DELAY, Candidate
-from ..model.effect_sizes import ELASTIC, LAG, SPRINGS
+from ..model.effect_sizes import LAG, SPRINGS
 from ..model.gram import Bank
 from ..model.hypothesis import Design
 from ..plausibility.materiality import OF_ENCODER
@@ -27,8 +27,6 @@ SHORTLIST = 4
 RIVAL_LEFT = 0.5
 # Log-likelihood by which a joint may seem less likely than another for what bends all parameters.
 AS_LIKELY = 25.0
-# The coefficient of a play's or a spring's column where its shape is about right: of one.
-ITS_OWN = 0.6, 1.6
 # Another law of a play, a spring or bristles is tried where one explains this share of the most: it may do as
 # much.
 WORTH_A_LAW = 0.8
@@ -59,9 +57,6 @@ def choose(
     shortlist = [refined(robot, stage, weighed) for weighed in best_of_each.values()]
     worth = WORTH_A_LAW * max(weighed.score for weighed in shortlist)
     shortlist = [each if each.score < worth else by_its_law(robot, stage, each) for each in shortlist]
-    shortlist += [
-        by_its_law(robot, stage, refined(robot, stage, each)) for each in _other_springs(shortlist, open_)
-    ]
     if DELAY not in without:
         shortlist += late_alone(robot, stage, shortlist)
     listed = [weighed.candidate for weighed in shortlist]
@@ -189,16 +184,3 @@ def _that_fit(likely: Weighed, open_: Sequence[Weighed]) -> list[Weighed]:
     if likely.candidate.family.effect not in SPRINGS:
         return [best]
     return [best, *(w for w in own if w.candidate.family.effect in SPRINGS)]
-
-
-def _other_springs(shortlist: Sequence[Weighed], open_: Sequence[Weighed]) -> list[Weighed]:
-    """Elasticities that are not listed, where the likeliest effect is a play or a spring that is not its own.
-
-    A spring that hardens has three shapes, and may look like nothing at all of those that are tried first.
-    """
-    best = max(shortlist, key=lambda each: each.score)
-    least, most = ITS_OWN
-    if best.candidate.family.effect not in TRANSMISSIONS or least < best.gain.coefficients[0] < most:
-        return []
-    listed = {each.candidate.place for each in shortlist}
-    return [w for w in open_ if w.candidate.family.effect == ELASTIC and w.candidate.place not in listed]

@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.decision.findings import Gap
-from diagnosis.decision.held_out_check import closed_without_a_name, pushes_that_hold
+from diagnosis.decision.held_out_check import closed_without_a_name
 from diagnosis.diagnose import diagnose
 from diagnosis.model.candidates import candidates
 from testbench.effects import parse_injection
@@ -40,25 +40,6 @@ def test_a_gap_that_effects_without_a_name_close_is_told_as_unknown(prepared, af
     alike = replace(item, is_everywhere=True, candidate=candidates(prepared, only=["stribeck_friction"])[-1])
     assert alike.candidate.family.joint == 1
     assert not closed_without_a_name([alike], gap, np.array([torque, torque]))
-
-
-@pytest.mark.parametrize(
-    ("after", "elsewhere", "beside", "holds"),
-    [
-        (6.0, 0.0, False, False),
-        (3.0, 0.0, False, True),
-        (6.0, 0.0, True, True),
-        # All of its joint's is a push, whatever is left elsewhere.
-        (1.5, 30.0, False, True),
-    ],
-)
-def test_a_push_that_leaves_half_of_the_gap_is_none(prepared, after, elsewhere, beside, holds):
-    cable = next(c for c in candidates(prepared, only=["cable_spring"]) if c.family.joint == 1)
-    push = accepted_of(replace(cable, family=replace(cable.family, effect="external_contact")))
-    gap = Gap(*(np.array([0.9 * elsewhere * (each > 1), each]) for each in (12.0, 10.0, after, 1.0)))
-    found, bursts = pushes_that_hold([push, replace(accepted_of(cable), named=beside)], gap)
-    assert found[0].named == holds
-    assert [each.joint for each in bursts] == ([] if holds else [1])
 
 
 @pytest.mark.parametrize(("shaken", "verdict"), [((0,), "effect"), ((0, 1), "unknown")])

@@ -20,18 +20,6 @@ def prepared(arm):
     return prepare(arm, simulated_runs(arm, [], runs=1))
 
 
-@pytest.mark.parametrize(("seconds", "named"), [(2.0, False), (10.0, True)])
-def test_a_joint_that_warms_faster_than_any_by_all_runs_together_has_no_name(arm, prepared, seconds, named):
-    (taken_in, *_) = candidates(prepared, only=["thermal_friction_drift"])
-    shape = taken_in.member.shape | {"time_constant": seconds}
-    final = replace(taken_in, member=replace(taken_in.member, shape=shape))
-    hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, taken_in.count)], accepted=[final])
-    fitted = SimpleNamespace(values=0.5 * np.eye(taken_in.count)[0], wald=lambda part: 100.0)
-    (item,) = as_fitted_at_last(arm, hypothesis, fitted, [accepted_of(taken_in)])
-    assert item.named == named
-    assert item.candidate is final
-
-
 @pytest.mark.parametrize(("share", "named"), [(0.12, True), (0.08, False)])
 def test_what_all_runs_together_make_no_larger_than_a_healthy_joints_has_no_name(arm, prepared, share, named):
     taken_in = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 0)

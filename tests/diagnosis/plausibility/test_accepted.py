@@ -1,22 +1,16 @@
 """What several effects that were taken in say together: laws that no catalogue holds."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from diagnosis.data.preparation import prepare
-from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
 from diagnosis.model.base_regressor import ground
 from diagnosis.model.candidates import candidates
 from diagnosis.plausibility.accepted import (
-    RESONANCE,
     is_rest,
     laws_of_position,
-    out_of_bounds,
-    resonances,
     without_rests,
 )
 
@@ -27,17 +21,6 @@ from ..accepted_effects import accepted_of
 @pytest.fixture(scope="module")
 def prepared(arm):
     return prepare(arm, simulated_runs(arm, [], runs=1))
-
-
-@pytest.mark.parametrize(("joints", "left", "expected"), [(2, 0.3, [0, 1]), (2, 0.01, []), (1, 0.3, [])])
-def test_several_elastic_joints_that_explain_badly_are_a_resonance(prepared, joints, left, expected):
-    elastic = candidates(prepared, only=["joint_elasticity"])
-    items = [accepted_of(next(c for c in elastic if c.family.joint == joint)) for joint in range(joints)]
-    first = Stage.of(ground(prepared), [])
-    last = SimpleNamespace(held_squares=left * first.held_squares)
-    found = resonances(first, last, items)
-    assert [each.joint for each in found] == expected
-    assert all(each.regime == RESONANCE for each in found)
 
 
 @pytest.mark.parametrize(
@@ -71,13 +54,3 @@ def test_a_rest_of_a_law_of_position_is_one_whether_it_has_a_name_or_not(prepare
     assert is_rest(spring, [cable, spring]) == expected
     # Beside what has no name itself it is none.
     assert not is_rest(spring, [replace(cable, named=False), spring])
-
-
-@pytest.mark.parametrize(("relative", "expected"), [(0.1, []), (-0.6, [1])])
-def test_a_gain_error_beyond_its_bounds_is_none(arm, prepared, relative, expected):
-    gain = next(c for c in candidates(prepared, only=["torque_gain_error"]) if c.family.joint == 1)
-    hypothesis, fitted = fitted_to(prepared, [gain])
-    # The column is the reported torque: what is reported is that of the joint over one and the error.
-    values = np.append(fitted.values[:-1], 1 / (1 + relative) - 1)
-    found = out_of_bounds(arm, hypothesis, replace(fitted, values=values), [accepted_of(gain)])
-    assert [each.joint for each in found] == expected

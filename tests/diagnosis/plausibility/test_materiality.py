@@ -31,14 +31,34 @@ def _weighed(arm, text, shape):
 
 
 @pytest.mark.parametrize(
-    ("torque", "left", "expected"), [(0.003, 0.45, True), (0.003, 0.35, False), (0.001, 0.45, False)]
+    ("torque", "left", "expected"), [(0.006, 0.12, True), (0.006, 0.08, False), (0.004, 0.5, False)]
 )
-def test_what_acts_near_rest_need_be_little_torque_where_it_is_much_of_what_is_left(
-    tmp_path, torque, left, expected
-):
+def test_what_is_material_explains_a_share_of_the_rest_and_of_the_torque(tmp_path, torque, left, expected):
     arm = small_arm(tmp_path)
     stage, (own, _) = healthy_stage(arm, "stribeck_friction")
-    gain = of_size(arm, stage, own, 2.0, torque, left)
+    # No larger than on a healthy robot: its size does not speak for it.
+    gain = of_size(arm, stage, own, 0.5, torque, left)
+    assert is_material(arm, stage, Weighed(gain, 60.0)) == expected
+
+
+@pytest.mark.parametrize(
+    ("times", "torque", "expected"), [(1.5, 0.006, True), (1.1, 0.006, False), (1.5, 0.004, False)]
+)
+def test_what_is_certainly_larger_than_on_a_healthy_robot_is_material(tmp_path, times, torque, expected):
+    arm = small_arm(tmp_path)
+    stage, (own, _) = healthy_stage(arm, "stribeck_friction")
+    # Little of what is left, and known to a twentieth: three deviations are 15 %.
+    gain = of_size(arm, stage, own, times, torque, 0.02)
+    assert is_material(arm, stage, Weighed(gain, 60.0)) == expected
+
+
+@pytest.mark.parametrize(("overlap", "expected"), [(0.99, True), (0.5, False)])
+def test_what_parameters_absorb_shows_at_the_joints_below(tmp_path, overlap, expected):
+    arm = small_arm(tmp_path)
+    stage, (_, own) = healthy_stage(arm, "torque_gain_error")
+    below = np.array([1.0, 0.0]) * squares(stage, 0.01)
+    stage.held_squares = np.maximum(stage.held_squares, 5 * below)
+    gain = replace(certain(stage, own, 1e-6, below), overlap=overlap, prior=stage.prior)
     assert is_material(arm, stage, Weighed(gain, 60.0)) == expected
 
 
@@ -49,12 +69,9 @@ def test_what_acts_near_rest_need_be_little_torque_where_it_is_much_of_what_is_l
         # A payload's ten coefficients gain as much by chance.
         ("payload", 9.0, False),
         ("payload", 17.0, True),
-        # Nor is a gravity spring more than the first moments of a few links that are not as drawn.
-        ("gravity_spring", 9.0, False),
-        ("gravity_spring", 13.0, True),
     ],
 )
-def test_a_shift_that_chance_or_a_few_links_spare_is_not_material(tmp_path, name, shift, expected):
+def test_a_shift_that_chance_spares_is_not_material(tmp_path, name, shift, expected):
     arm = small_arm(tmp_path)
     stage, _ = healthy_stage(arm, "cable_spring")
     gain = stage.gain(candidates(stage.prepared, only=[name])[0])
@@ -93,37 +110,6 @@ def test_a_lag_of_more_than_a_sample_is_a_drives(tmp_path, seconds, expected):
     assert named == expected
 
 
-@pytest.mark.parametrize(
-    ("name", "amount", "encoders", "expected"),
-    [
-        ("asymmetric_friction", 0.4, 0.0, True),
-        ("cable_spring", 0.4, 0.0, False),
-        ("nonlinear_viscous_friction", 8.0, 0.0, True),
-        ("nonlinear_viscous_friction", 0.4, 0.0, False),
-        ("backlash", 10.0, 0.0, True),
-        ("backlash", 10.0, 0.8, True),
-        ("backlash", 0.4, 0.0, False),
-        ("encoder_eccentricity", 0.018, 0.0, True),
-        ("encoder_eccentricity", 0.008, 0.0, False),
-        ("joint_elasticity", 0.4, 0.4, True),
-        # Smoothing takes away what encoders seem to add.
-        ("joint_elasticity", 0.4, 0.8, False),
-    ],
-)
-def test_what_leaves_little_is_judged_by_its_size(tmp_path, name, amount, encoders, expected):
-    arm = small_arm(tmp_path)
-    prepared = prepare(arm, simulated_runs(arm, [], runs=2))
-    little = 0.003 * ground(prepared).torque_rms
-    stage = Stage.of(ground(replace(prepared, encoder_torque=encoders * little)), [])
-    own = next(c for c in candidates(stage.prepared, only=[name]) if c.family.joint == 0)
-    # It is certain, a seventh of the rest and .3 % of the torque.
-    squared = np.array([1.0, 0.0]) * squares(stage, 0.003)
-    known = replace(certain(stage, own, amount, squared), prior=stage.prior)
-    stage.held_squares = np.maximum(stage.held_squares, 7 * squared)
-    assert known.wald == pytest.approx(400)
-    assert is_material(arm, stage, Weighed(known, 30.0)) == expected
-
-
 @pytest.mark.parametrize(("encoders", "expected"), [(0.4, True), (0.8, False)])
 def test_an_elasticity_may_show_at_the_joints_that_bear_its_link_alone(tmp_path, encoders, expected):
     arm = small_arm(tmp_path)
@@ -135,31 +121,6 @@ def test_an_elasticity_may_show_at_the_joints_that_bear_its_link_alone(tmp_path,
     known = replace(certain(stage, own, 0.4, squared), prior=stage.prior)
     stage.held_squares = np.maximum(stage.held_squares, 2 * squared)
     assert is_material(arm, stage, Weighed(known, 30.0)) == expected
-
-
-@pytest.mark.parametrize(
-    ("name", "share", "amount", "expected"),
-    [
-        ("asymmetric_friction", 0.001, 0.1, False),
-        ("asymmetric_friction", 0.001, 0.8, True),
-        ("asymmetric_friction", 0.03, 0.1, True),
-        ("cable_spring", 0.001, 0.1, True),
-    ],
-)
-def test_a_small_offset_of_the_torque_that_shows_in_the_parameters_alone_may_be_the_sensors(
-    tmp_path, name, share, amount, expected
-):
-    arm = small_arm(tmp_path)
-    stage, (own, _) = healthy_stage(arm, name)
-    taken_up = replace(
-        stage.gain(own),
-        overlap=0.95,
-        prior=stage.prior + 20,
-        held_out=np.array([share, 0.0]) * stage.held_squares,
-        # A twentieth or two fifths of its Coulomb friction.
-        coefficients=amount * np.eye(own.count)[0],
-    )
-    assert is_material(arm, stage, Weighed(taken_up, 30.0)) == expected
 
 
 @pytest.mark.parametrize(("delay", "expected"), [(0.004, True), (0.001, False)])

@@ -53,7 +53,7 @@ def _found(prepared: Prepared) -> NearRest:
     stage = Stage(ground(prepared), *fitted_to(prepared, []))
     sought = lead_candidates(prepared), soft_candidates(prepared)
     banks = [Bank(stage.ground, each) for each in sought]
-    return near_rest(prepared.robot, stage, [], *banks, []) or NearRest()
+    return near_rest(stage, [], *banks) or NearRest()
 
 
 def test_the_width_is_told_to_what_noise_allows(arm):

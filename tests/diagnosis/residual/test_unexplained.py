@@ -9,14 +9,14 @@ from scipy.interpolate import CubicSpline
 
 from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.fit.likelihood import Weighed, weigh
+from diagnosis.fit.likelihood import Weighed
 from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
 from diagnosis.model.base_regressor import ground
-from diagnosis.model.candidates import FREE, candidates
+from diagnosis.model.candidates import FREE
 from diagnosis.model.free_functions import RUN_TIME, generic_candidates
 from diagnosis.model.gram import Bank
-from diagnosis.residual.unexplained import NOTHING, TIMING, Unclaimed, unclaimed, without_imperfections
+from diagnosis.residual.unexplained import NOTHING, TIMING, unclaimed
 from identification.parameters import ARMATURE
 from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run
@@ -42,13 +42,6 @@ def test_what_is_slow_and_large_is_unknown_though_every_joint_has_as_much(tmp_pa
     fault = parse_injection(arm, f"joint_elasticity:shoulder:stiffness={stiffness},damping=4")
     found, _ = _unclaimed(arm, simulated_runs(arm, [fault], runs=3))
     assert ((0, NOTHING) in [(each.joint, each.regime) for each in found]) == expected
-
-
-@pytest.mark.parametrize(("share", "expected"), [(0.026, True), (0.016, False)])
-def test_a_little_that_stands_out_far_and_is_slow_is_unknown(tmp_path, share, expected):
-    arm = small_arm(tmp_path, SCARA)
-    found, _ = _unclaimed(arm, _wandering(simulated_runs(arm, [], runs=3), share))
-    assert [(each.joint, each.regime) for each in found] == ([(1, NOTHING)] if expected else [])
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.06, "effect"), (0.12, "unknown")])
@@ -125,12 +118,8 @@ def test_a_function_that_all_runs_fit_by_chance_foretells_by_chance(tmp_path, mo
     assert ((0, RUN_TIME) in [(each.joint, each.regime) for each in found]) == expected
 
 
-HELD_BACK = pytest.mark.xfail(strict=True, reason="the prior holds back a rotor twenty deviations heavier")
-
-
 @pytest.mark.parametrize(
-    ("noise", "heavier_by"),
-    [(0.05, 1.0), (4.0, 0.15), (6.0, 0.15), (6.0, 0.2), pytest.param(6.0, 0.4, marks=HELD_BACK)],
+    ("noise", "heavier_by"), [(0.05, 1.0), (4.0, 0.15), (6.0, 0.15), (6.0, 0.2), (6.0, 0.4)]
 )
 def test_a_run_that_parameters_are_extrapolated_to_is_not_unknown(tmp_path, noise, heavier_by):
     """One run alone is fast: without it nothing tells the inertia, which the model has wrong."""
@@ -174,17 +163,3 @@ def test_the_rounding_of_a_coarse_log_is_not_unknown(tmp_path, levels):
     found, left = _unclaimed(arm, coarse)
     assert left.max() > 0.02
     assert found == ()
-
-
-@pytest.mark.parametrize(
-    ("stiffness", "regime", "kept"),
-    [(0.06, "position", False), (0.06, NOTHING, True), (0.4, "position", True)],
-)
-def test_what_a_cable_as_every_robot_has_explains_as_well_is_not_unknown(arm, stiffness, regime, kept):
-    cable = parse_injection(arm, f"cable_spring:elbow:stiffness={stiffness},rest=0.2")
-    prepared = prepare(arm, simulated_runs(arm, [cable], runs=3))
-    stage = Stage(ground(prepared), *fitted_to(prepared, []))
-    open_ = weigh(stage, Bank(stage.ground, candidates(prepared, only=["cable_spring"])))
-    (own,) = (each for each in open_ if each.candidate.family.joint == 1)
-    found = [Unclaimed(1, regime, float(stage.shares(own.gain)[1]))]
-    assert without_imperfections(arm, stage, stage, found, open_) == (found if kept else [])

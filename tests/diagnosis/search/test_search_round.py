@@ -7,7 +7,6 @@ import pytest
 from diagnosis.data.preparation import prepare
 from diagnosis.decision.found import Found
 from diagnosis.fit.likelihood import Weighed, weigh
-from diagnosis.fit.normal_equations import Fit
 from diagnosis.fit.score import Stage
 from diagnosis.model.base_regressor import ground
 from diagnosis.model.candidates import candidates
@@ -40,52 +39,6 @@ def test_what_is_held_at_a_bound_above_zero_is_not_open(tmp_path, time_constant,
     two_stages = [each for each in candidates(prepared, only=["actuator_lag"]) if each.member.law]
     opened = Search(stage, arm, [], ()).open(stage, Bank(stage.ground, two_stages))
     assert any(each.candidate.family.joint == 1 for each in opened) == expected
-
-
-@pytest.mark.parametrize(
-    ("is_trace", "by_all_runs", "by_folds", "shift", "expected"),
-    [
-        (True, 20.0, 15.0, 0.0, True),
-        (True, 13.0, 60.0, 0.0, True),
-        (True, 15.0, 15.0, 0.0, False),
-        (True, 20.0, 9.0, 0.0, False),
-        # Else four deviations are enough where the parameters say so too.
-        (False, 20.0, 9.0, 2.0, True),
-        (False, 20.0, 9.0, 0.0, False),
-        (False, 30.0, 9.0, 0.0, True),
-    ],
-)
-def test_what_bends_all_parameters_is_certain_where_the_runs_agree_or_the_parameters_say_so(
-    tmp_path, monkeypatch, is_trace, by_all_runs, by_folds, shift, expected
-):
-    arm = small_arm(tmp_path)
-    prepared = prepare(arm, simulated_runs(arm, [], runs=3))
-    stage = Stage.of(ground(prepared), [])
-    best = weigh(stage, Bank(stage.ground, candidates(prepared, only=["encoder_offset"])))[0]
-    monkeypatch.setattr(Fit, "wald", lambda *_: by_all_runs)
-    monkeypatch.setattr(Fit, "wald_by_folds", lambda *_: by_folds)
-    best = replace(best, gain=replace(best.gain, prior=stage.prior + shift))
-    found = Found(best, (), stage.with_effects([best.candidate]), is_trace)
-    assert found.is_certain(stage) == expected
-
-
-def test_a_trace_of_one_error_of_an_encoder_is_held_against_its_other(tmp_path, monkeypatch):
-    arm = small_arm(tmp_path)
-    offset = parse_injection(arm, "encoder_offset:shoulder:offset=0.03")
-    prepared = prepare(arm, simulated_runs(arm, [offset], runs=3))
-    stage = Stage.of(ground(prepared), [])
-    names = ["encoder_offset", "encoder_eccentricity", "torque_gain_error"]
-    weighed = weigh(stage, Bank(stage.ground, candidates(prepared, only=names)))
-    own = [each for each in weighed if each.candidate.place == ("encoder_offset", 0, None)]
-    listed = []
-
-    def chosen(robot, stage, material, open_):
-        listed.extend(each.candidate.family.effect for each in open_)
-
-    monkeypatch.setattr("diagnosis.search.search_round.swallowed", lambda *_: (stage, own))
-    monkeypatch.setattr("diagnosis.search.search_round.choose", chosen)
-    assert Search(stage, arm, [], ())._trace(stage, weighed) is None
-    assert set(listed) == {"encoder_offset", "encoder_eccentricity"}
 
 
 @pytest.mark.parametrize(("limit", "expected"), [(80.0, "torque_saturation"), (60.0, "external_contact")])

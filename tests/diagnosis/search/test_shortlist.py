@@ -142,19 +142,6 @@ def test_a_joint_that_is_late_alone_lags_and_may_be_late(arm, fault, without, ri
     assert all(probability < 0.15 for _, probability in others)
 
 
-def test_a_spring_whose_column_is_not_its_own_may_be_another_joints(arm):
-    spring = parse_injection(
-        arm, "joint_elasticity:elbow:stiffness=100,damping=0.2,law=hardening,doubling_windup=0.02"
-    )
-    prepared = prepare(arm, simulated_runs(arm, [spring], runs=3))
-    stage = Stage.of(ground(prepared), [])
-    every = weigh(stage, Bank(stage.ground, candidates(prepared, only=["joint_elasticity"])))
-    wrong = [each for each in every if each.candidate.family.joint == 0]
-    chosen = choose(arm, stage, wrong, every)
-    assert chosen is not None
-    assert chosen[0].candidate.family.joint == 1
-
-
 @pytest.mark.parametrize(
     ("law", "found"),
     [
