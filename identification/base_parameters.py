@@ -64,13 +64,13 @@ def base_parameters(chain: Chain, groups: Sequence[str] = DEFAULT_GROUPS, seed: 
     rng = np.random.default_rng(seed)
     shape = (RANDOM_STATES, chain.joints)
     q, dq, ddq = (rng.uniform(-np.pi, np.pi, shape) for _ in range(3))
-    candidates = _regrouping_order(group_columns(chain.joints, groups))
+    candidates = _regrouping_order(group_columns(chain.links, groups))
     matrix = regressor(chain, q, dq, ddq, candidates).reshape(-1, len(candidates))
     scale = np.linalg.norm(matrix, axis=0)
     # A parameter that loads no joint at all drops out of every combination.
     seen = scale > ZERO_TOLERANCE * scale.max()
     candidates, matrix, scale = candidates[seen], matrix[:, seen] / scale[seen], scale[seen]
-    standard = standard_parameters(chain.is_slide)
+    standard = standard_parameters(chain.link_slides)
     share = _share_of_usual(scale, [standard[column].unit for column in candidates])
     independent, dependent = _independent_columns(matrix, share)
     upper = np.asarray(np.linalg.qr(matrix[:, np.r_[independent, dependent]], mode="r"))
@@ -80,7 +80,7 @@ def base_parameters(chain: Chain, groups: Sequence[str] = DEFAULT_GROUPS, seed: 
     # A small column that no other explains, as first moments' on a base that is all but level, drops out too.
     regrouping[:, np.linalg.norm(upper[b:, b:], axis=0) > 0.5] = 0.0
     regrouping *= scale[dependent] / scale[independent, None]
-    projection = np.zeros((b, PER_JOINT * chain.joints))
+    projection = np.zeros((b, PER_JOINT * chain.links))
     projection[np.arange(b), candidates[independent]] = 1.0
     projection[:, candidates[dependent]] = regrouping
     order = np.argsort(candidates[independent])

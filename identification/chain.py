@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
+from .followers import Followers, followers_in, parameters_at_joints, springs_at_joints
 from .kinematics import moving
 from .parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT, VISCOUS, inertial_parameters
 
@@ -40,6 +41,8 @@ class Chain:
     translation: (n, 3) m, link origin in its parent's frame at q = 0.
     gravity: (3,) m/s², in the base (world) frame.
     springs: (n, 4), see springs.py.
+    followers: the full tree, where links follow joints of this one; else None. A joint's parent is then the
+    one that moves the link before it, and its rotation and translation are in that link's frame.
     """
 
     joint_names: tuple[str, ...]
@@ -49,6 +52,7 @@ class Chain:
     translation: Array
     gravity: Array
     springs: Array
+    followers: Followers | None = None
 
     def __post_init__(self) -> None:
         """Raises ValueError unless every joint comes after its parent."""
@@ -61,14 +65,78 @@ class Chain:
         return len(self.joint_names)
 
     @property
+    def links(self) -> int:
+        """Number of links with standard parameters: the joints' own, then those of followers."""
+        return self.joints if self.followers is None else len(self.followers.place)
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of the joints whose links these are, in the order of the standard parameters."""
+        return self.joint_names if self.followers is None else self.joint_names + self.followers.names
+
+    @property
+    def link_slides(self) -> NDArray[np.bool_]:
+        """Which of these slide, (links,)."""
+        if self.followers is None:
+            return self.is_slide
+        return self.followers.is_slide[self.followers.in_tree]
+
+    @property
     def arrays(self) -> ChainArrays:
-        """The fields as compiled code takes them."""
+        """The fields as compiled code takes them. Raises InputError where joints follow others."""
+        if self.followers is not None:
+            expected = "a robot none of whose joints follows another, for this method"
+            raise InputError("model", "joints", expected, ", ".join(self.followers.names))
         return self.parent, self.is_slide, self.rotation, self.translation, self.gravity, self.springs
+
+    @property
+    def tree(self) -> "Chain":
+        """All links, each with a joint of its own, in the model's order; springs at the joints' own."""
+        full = self.followers
+        if full is None:
+            return self
+        names, springs = np.array(self.link_names)[full.place], np.zeros((self.links, self.springs.shape[1]))
+        springs[full.own] = self.springs
+        shape = (full.parent, full.is_slide, full.rotation, full.translation)
+        return Chain(tuple(map(str, names)), *shape, self.gravity, springs)
+
+    @property
+    def in_tree(self) -> NDArray[np.int64]:
+        """Index in ``tree`` of each link, (links,), in the order of the standard parameters."""
+        return np.arange(self.joints) if self.followers is None else self.followers.in_tree
+
+    @property
+    def last(self) -> int:
+        """Which link, in that order, comes last in the model, and carries a tool."""
+        return self.joints - 1 if self.followers is None else int(self.followers.place[-1])
+
+    @property
+    def leaders(self) -> NDArray[np.int64]:
+        """Index of the joint that moves each link of ``tree``, (links,)."""
+        return np.arange(self.joints) if self.followers is None else self.followers.leader
+
+    def link_positions(self, q: Array) -> Array:
+        """Positions (..., links) of all links of ``tree`` at those of the joints, (..., n)."""
+        return q if self.followers is None else self.followers.positions(q)
+
+    def link_motions(self, dq: Array) -> Array:
+        """Velocities or accelerations (..., links) likewise."""
+        return dq if self.followers is None else self.followers.motions(dq)
+
+    def at_joints(self, values: Array) -> Array:
+        """(N, n, ...) of the joints for torques or derivatives (N, links, ...) of ``tree``."""
+        return values if self.followers is None else self.followers.folded(values)
 
     @property
     def moves(self) -> NDArray[np.bool_]:
         """Which joints i move which links j, [j, i] of (n, n)."""
-        return np.asarray(moving(self.parent), dtype=bool)
+        full = self.followers
+        if full is None:
+            return np.asarray(moving(self.parent), dtype=bool)
+        by_link = np.asarray(moving(full.parent), dtype=bool)[full.own]
+        return np.stack(
+            [by_link[:, full.leader == joint].any(axis=1) for joint in range(self.joints)], axis=1
+        )
 
     def path(self, joint: int) -> list[int]:
         """The joints that move a joint's link, base to link; the last is the joint itself."""
@@ -93,11 +161,11 @@ class _Placement:
 
 
 def chain_from_model(model: Any) -> tuple[Chain, Array]:
-    """The joints' tree of a compiled ``mujoco.MjModel``, and its standard parameters, shape (14 n,).
+    """The joints' tree of a compiled ``mujoco.MjModel``, and its standard parameters, shape (14 links,).
 
     The parameters are those of the model itself: inertias, armature, damping and frictionloss;
-    the offset is zero. Raises InputError when the model is not a robot of hinge and slide joints on
-    a fixed base, or drives itself.
+    the offset is zero. Joints that an equality ties to another follow it. Raises InputError when the model is
+    not a robot of hinge and slide joints on a fixed base, or drives itself.
     """
     _require_fixed_base(model)
     n = model.njnt
@@ -136,7 +204,31 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
         gravity=gravity(model),
         springs=_springs(model),
     )
-    return chain, parameters.ravel()
+    followers = followers_in(model, names, (parents, chain.is_slide, rotations, translations))
+    if followers is None:
+        return chain, parameters.ravel()
+    return _led(chain, followers), parameters_at_joints(parameters, followers).ravel()
+
+
+def _led(tree: Chain, followers: Followers) -> Chain:
+    """The chain of the joints that follow none."""
+    own, parents = followers.own, []
+    for joint, link in enumerate(own):
+        before = int(tree.parent[link])
+        # A joint may sit on one that follows it.
+        while before >= 0 and followers.leader[before] == joint:
+            before = int(tree.parent[before])
+        parents.append(int(followers.leader[before]) if before >= 0 else -1)
+    return Chain(
+        joint_names=tuple(tree.joint_names[joint] for joint in own),
+        parent=np.array(parents, dtype=np.int64),
+        is_slide=tree.is_slide[own],
+        rotation=tree.rotation[own],
+        translation=tree.translation[own],
+        gravity=tree.gravity,
+        springs=springs_at_joints(tree.springs, followers),
+        followers=followers,
+    )
 
 
 def gravity(model: Any) -> Array:

@@ -26,6 +26,12 @@ def energy_regressor(chain: Chain, q: Array, dq: Array, columns: NDArray[np.int6
     q, dq: (N, n) rad, rad/s (m, m/s for slide joints). Along any motion h differs between equal
     base parameters only by a constant, the zero of the potential energy.
     """
+    if (full := chain.followers) is not None:
+        found = energy_regressor(
+            chain.tree, full.positions(q), full.motions(dq), full.columns_in_tree(columns)
+        )
+        found[:, full.is_nobodys(columns)] = 0.0
+        return found
     samples = len(q)
     h = np.zeros((samples, chain.joints, PER_JOINT))
     base = np.broadcast_to(np.eye(3), (samples, 3, 3)), *(np.zeros((samples, 3)) for _ in range(3))
@@ -58,8 +64,9 @@ def energy_regressor(chain: Chain, q: Array, dq: Array, columns: NDArray[np.int6
 
 def dissipation_regressor(chain: Chain, dq: Array, columns: NDArray[np.int64]) -> Array:
     """d with power taken up by friction and offset = d @ theta[columns], shape (N, c), W per unit."""
-    d = np.zeros((len(dq), chain.joints, PER_JOINT))
-    d[:, :, VISCOUS], d[:, :, COULOMB], d[:, :, OFFSET] = dq**2, np.abs(dq), dq
+    d = np.zeros((len(dq), chain.links, PER_JOINT))
+    own = d[:, : chain.joints]
+    own[:, :, VISCOUS], own[:, :, COULOMB], own[:, :, OFFSET] = dq**2, np.abs(dq), dq
     return d.reshape(len(dq), -1)[:, columns]
 
 

@@ -28,10 +28,14 @@ def inverse_dynamics(
 ) -> Array:
     """Joint torques, shape (N, n), N·m (N for slide joints).
 
-    parameters: (14 n,) standard parameters. q, dq, ddq: (N, n) rad, rad/s, rad/s² (m for slides).
+    parameters: (14 links,) standard parameters. q, dq, ddq: (N, n) rad, rad/s, rad/s² (m for slides).
     coulomb_velocity: rad/s; 0 gives fc sgn(dq), else fc tanh(dq / coulomb_velocity).
     threads: workers (all cores when None); the result does not depend on it.
     """
+    if (full := chain.followers) is not None:
+        table = parameters.reshape(chain.links, PER_JOINT)[full.place]
+        motion = full.positions(q), full.motions(dq), full.motions(ddq)
+        return full.folded(inverse_dynamics(chain.tree, table, *motion, coulomb_velocity, threads))
     q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
     out = np.empty(q.shape)
     table = np.ascontiguousarray(parameters, dtype=np.float64).reshape(chain.joints, PER_JOINT)

@@ -11,7 +11,8 @@ Identification and Control of Robots", 2004, ch. 9, and friction with offset):
     fc                  Coulomb friction, N·m (N)
     off                 constant offset of the torque, N·m (N)
 
-A vector of standard parameters is joint-major, shape (14 n,).
+A vector of standard parameters is joint-major, shape (14 n,); those of joints that follow others come last,
+and of them only the ten of their links count (see followers.py).
 """
 
 from collections.abc import Sequence

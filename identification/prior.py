@@ -65,7 +65,7 @@ def base_prior(base: BaseParameters, nominal: Array, widths: Array) -> BasePrior
 def parameter_widths(
     nominal: Array, torque_scale: Array, speed_scale: Array, acceleration_scale: Array
 ) -> Array:
-    """Standard deviations (14 n,) of the robot's standard parameters about the model's.
+    """Standard deviations (14 links,) of the robot's standard parameters about the model's.
 
     torque_scale, speed_scale, acceleration_scale: (n,) N·m, rad/s (m/s), rad/s² (m/s²), typical of a joint;
     friction and rotors that the model leaves out are judged by them.
@@ -73,11 +73,14 @@ def parameter_widths(
     table = nominal.reshape(-1, PER_JOINT)
     mass = np.maximum(table[:, 9], FLOOR * table[:, 9].max())
     size = np.sqrt(np.maximum(np.trace(_inertia(table), axis1=1, axis2=2) / (2 * mass), CENTRE**2))
-    out = np.empty_like(table)
-    out[:, :6] = (INERTIA * mass * size**2 + MASS * mass * size**2)[:, None]
-    out[:, 6:9] = (np.hypot(CENTRE, MASS * size) * mass)[:, None]
-    out[:, 9] = MASS * mass
-    out[:, ARMATURE] = ROTOR * table[:, ARMATURE] + FLOOR * (mass * size**2)
+    whole = np.ones_like(table)
+    whole[:, :6] = (INERTIA * mass * size**2 + MASS * mass * size**2)[:, None]
+    whole[:, 6:9] = (np.hypot(CENTRE, MASS * size) * mass)[:, None]
+    whole[:, 9] = MASS * mass
+    # Rotors and friction of followers are in no torque: any width will do.
+    joints = len(torque_scale)
+    out, table = whole[:joints], table[:joints]
+    out[:, ARMATURE] = ROTOR * table[:, ARMATURE] + FLOOR * (mass * size**2)[:joints]
     out[:, VISCOUS] = FRICTION * table[:, VISCOUS] + FLOOR * torque_scale
     out[:, COULOMB] = FRICTION * table[:, COULOMB] + FLOOR * torque_scale
     out[:, OFFSET] = OFFSET_SHARE * table[:, COULOMB] + 1e-3 * torque_scale
@@ -90,7 +93,7 @@ def parameter_widths(
         (COULOMB, most),
     ):
         out[:, column] = np.where(table[:, column] == 0, np.maximum(out[:, column], width), out[:, column])
-    return out.ravel()
+    return whole.ravel()
 
 
 def _inertia(table: Array) -> Array:

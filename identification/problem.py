@@ -103,7 +103,7 @@ class Problem:
         return condition
 
     def _unexcited(self, column: int) -> None:
-        joint = self.chain.joint_names[int(self.base.columns[column]) // 14]
+        joint = self.chain.link_names[int(self.base.columns[column]) // 14]
         raise InputError(
             "logs",
             "motion",

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .chain import Chain
+from .followers import Followers
 from .kinematics import (
     branching,
     copy_rows,
@@ -50,11 +51,17 @@ def regressor(
     """Regressor rows for N samples, shape (N, n, c), so that tau = out @ theta[columns].
 
     q, dq, ddq: (N, n) in rad, rad/s, rad/s² (m for slide joints).
-    columns: (c,) indices into the standard vector (all 14 n when None); only these are written.
+    columns: (c,) indices into the standard vector (all 14 a link when None); only these are written.
     coulomb_velocity: rad/s; 0 gives sgn(dq) for Coulomb columns, else tanh(dq / coulomb_velocity).
     threads: workers (all cores when None); the result does not depend on it.
     out: written to when given, shape (N, n, c), C order.
     """
+    if chain.followers is not None:
+        found = _of_all_links(chain, chain.followers, q, dq, ddq, columns, coulomb_velocity, threads)
+        if out is None:
+            return found
+        out[:] = found
+        return out
     q, dq, ddq = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
     slots, count = column_slots(chain.joints, columns)
     if out is None:
@@ -67,6 +74,25 @@ def regressor(
 
     in_blocks(fill, len(q), threads)
     return out
+
+
+def _of_all_links(
+    chain: Chain,
+    followers: Followers,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    columns: NDArray[np.int64] | None,
+    coulomb_velocity: float,
+    threads: int | None,
+) -> Array:
+    """The regressor of the full tree, the rows of followers added to those of their leaders."""
+    wanted = np.arange(PER_JOINT * chain.links) if columns is None else columns
+    motion = followers.positions(q), followers.motions(dq), followers.motions(ddq)
+    rows = regressor(chain.tree, *motion, followers.columns_in_tree(wanted), coulomb_velocity, threads)
+    folded = followers.folded(rows)
+    folded[:, :, followers.is_nobodys(wanted)] = 0.0
+    return folded
 
 
 def column_slots(joints: int, columns: NDArray[np.int64] | None) -> tuple[NDArray[np.int64], int]:

@@ -51,6 +51,15 @@ def regressor_adjoint(
     coulomb_velocity: rad/s, as in ``regressor``; at 0 the Coulomb columns have no derivative.
     threads: workers (all cores when None); the result does not depend on it.
     """
+    if (full := chain.followers) is not None:
+        wanted = np.arange(PER_JOINT * chain.links) if columns is None else columns
+        spread = seeds[:, full.leader] * full.ratio[:, None]
+        spread[:, :, full.is_nobodys(wanted)] = 0.0
+        motion = full.positions(q), full.motions(dq), full.motions(ddq)
+        found = regressor_adjoint(
+            chain.tree, *motion, spread, full.columns_in_tree(wanted), coulomb_velocity, threads
+        )
+        return full.folded(found[0]), full.folded(found[1]), full.folded(found[2])
     q, dq, ddq, seeds = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq, seeds))
     slots, _ = column_slots(chain.joints, columns)
     bars = np.empty((3, *q.shape))

@@ -53,13 +53,12 @@ class RobotClearance:
     """Distances of a robot's P geom pairs; implements ``identification.excitation.limits.Clearance``.
 
     Of a pair that is allowed nearer than ``required``, as much is added to its distance: ``lowered`` (P,) m.
-    parent, is_slide: (n,). required: m. pairs: P names. geoms: (P, 2) geom indices. links: (P, 2) the joint
-    whose link carries each geom, -1 for the world.
+    chain: the robot's. required: m. pairs: P names. geoms: (P, 2) geom indices. links: (P, 2) the link of the
+    chain's tree that carries each geom, -1 for the world.
     """
 
     model: mujoco.MjModel
-    parent: Indices
-    is_slide: NDArray[np.bool_]
+    chain: Chain
     required: float
     pairs: tuple[str, ...]
     geoms: Indices
@@ -74,10 +73,12 @@ class RobotClearance:
     def gradients(self, q: Array) -> tuple[Array, Array]:
         """Signed distances (N, P) m, and their derivatives with respect to q, (N, P, n)."""
         out = np.empty((len(q), len(self.geoms), self.model.njnt))
-        return self._measure(q, out), out
+        distances = self._measure(q, out)
+        return distances, self.chain.at_joints(out.swapaxes(1, 2)).swapaxes(1, 2)
 
     def _measure(self, q: Array, gradients: Array) -> Array:
-        q = np.ascontiguousarray(q, dtype=np.float64)
+        q = np.ascontiguousarray(self.chain.link_positions(q), dtype=np.float64)
+        tree = self.chain.tree
         distances = np.empty((len(q), len(self.geoms)))
         reach = self.required + REACH
 
@@ -85,7 +86,7 @@ class RobotClearance:
             part, data = slice(start, stop), self._take_data()
             views = (data.qpos, data.geom_xpos, data.xanchor, data.xaxis)
             addresses = (self.model._address, data._address)
-            constants = (self.model.geom_rbound, self.parent, self.is_slide, self.geoms, self.links, reach)
+            constants = (self.model.geom_rbound, tree.parent, tree.is_slide, self.geoms, self.links, reach)
             _measure(*addresses, *views, *constants, q[part], distances[part], gradients[part])
             self._idle.append(data)
 
@@ -158,11 +159,11 @@ def _all_pairs(robot: Robot, required: float) -> RobotClearance | None:
     if not required >= 0:
         raise InputError(robot.path, "clearance", "a distance of at least 0 m", required)
     model = robot.model
-    carriers = _carriers(model)
+    carriers, tree = _carriers(model), robot.chain.tree
     found = {(int(a), int(b)) for a, b in zip(model.pair_geom1, model.pair_geom2, strict=True)}
     for a in range(model.ngeom):
         for b in range(a + 1, model.ngeom):
-            if _collide(model, a, b) and not _neighbours(robot.chain, carriers[a], carriers[b]):
+            if _collide(model, a, b) and not _neighbours(tree, carriers[a], carriers[b]):
                 found.add((a, b))
     # Geoms that do not move against each other keep their distance, whatever the motion.
     ordered = sorted(pair for pair in found if carriers[pair[0]] != carriers[pair[1]])
@@ -171,8 +172,7 @@ def _all_pairs(robot: Robot, required: float) -> RobotClearance | None:
     geoms = np.array(ordered, dtype=np.int64)
     return RobotClearance(
         model=model,
-        parent=robot.chain.parent,
-        is_slide=robot.chain.is_slide,
+        chain=robot.chain,
         required=float(required),
         pairs=tuple(f"{_geom_name(model, a)} and {_geom_name(model, b)}" for a, b in ordered),
         geoms=geoms,

@@ -66,7 +66,7 @@ class RecordedLoops:
     threads: int | None = None
 
     def simulate(self, candidates: Array, coarse: bool = False) -> list[tuple[SimulatedRun, ...]]:
-        """Every recording's motion for each candidate, standard parameters (C, 14 n).
+        """Every recording's motion for each candidate, standard parameters (C, 14 links).
 
         coarse: larger physics steps, for derivatives by differences.
 
@@ -95,10 +95,11 @@ class RecordedLoops:
     def _loop(self, run: "_Run", candidate: Array, largest: float) -> Loop:
         """One run's closed loop with a candidate in the plant; physics steps of at most ``largest`` s."""
         substeps = max(1, int(np.ceil(1 / (run.controller.rate * largest) - 1e-9)))
-        n = self.robot.joints
-        table = candidate.reshape(n, PER_JOINT)
+        n, chain = self.robot.joints, self.robot.chain
+        links = candidate.reshape(-1, PER_JOINT)
         plant = plant_model(self._plant, 1 / (run.controller.rate * substeps))
-        _set_inertia(plant, table)
+        _set_inertia(plant, links if chain.followers is None else links[chain.followers.place])
+        table = links[:n]
         # A torque offset is a constant less of drive.
         forward = run.forward - table[:, OFFSET]
         nothing = np.zeros(n)
@@ -106,7 +107,7 @@ class RecordedLoops:
         limit = self.robot.limits.torque
         reference = run.reference.position
         at_rest = run.at_rest - table[:, OFFSET]
-        pose, _, hold = resting_pose(plant, reference[0], at_rest, run.kp, limit, still)
+        pose, _, hold = resting_pose(plant, chain, reference[0], at_rest, run.kp, limit, still)
         constants = np.zeros((layout.CONSTANTS, n))
         constants[layout.VISCOUS] = table[:, VISCOUS]
         # Friction that drives has no solution.
@@ -122,6 +123,7 @@ class RecordedLoops:
             inputs=np.stack([reference, run.reference.velocity, forward, run.noise], axis=1),
             pose=pose,
             hold=hold,
+            followers=chain.followers,
         )
 
 
@@ -209,7 +211,8 @@ def _logged(name: str, values: Array | None) -> Array:
 def _set_inertia(plant: Any, table: Array) -> None:
     """Give each joint's body the inertia of its link; bodies welded to it keep none.
 
-    table: (n, 14). Raises InputError for a link without mass and for inertia between joints of one body.
+    table: (links, 14), in the model's order. Raises InputError for a link without mass and for inertia
+    between joints of one body.
     """
     carriers = np.asarray(plant.jnt_bodyid)
     plant.body_mass[:] = 0.0

@@ -79,7 +79,7 @@ def torque_error(fits: Sequence[TorqueFit]) -> TorqueError | None:
 def parameter_rows(result: IdentificationResult) -> tuple[ParameterRow, ...]:
     """One row a base parameter, in the order of the estimate."""
     estimate, comparison = result.estimate, result.comparison
-    standard = standard_parameters(result.robot.chain.is_slide)
+    standard = standard_parameters(result.robot.chain.link_slides)
     rows = []
     for index, column in enumerate(estimate.base.columns):
         std = float(estimate.std[index])

@@ -51,7 +51,7 @@ def nominal_parameters(robot: Robot, error: ModelError, seed: int | np.random.Se
     Masses, rotors and friction are scaled by exp(deviation·normal), so they stay positive.
     """
     rng = np.random.default_rng(seed)
-    table = robot.parameters.reshape(robot.joints, PER_JOINT).copy()
+    table = robot.parameters.reshape(-1, PER_JOINT).copy()
     for row in table:
         row[:INERTIAL] = _deformed(row[:INERTIAL], error, rng)
         for column, deviation in (

@@ -28,7 +28,7 @@ FOLDERS = {"mesh": "meshdir", "skin": "meshdir", "hfield": "meshdir", "texture":
 
 
 def write_model(robot: Robot, standard: Array, path: str | Path) -> None:
-    """Write the robot's model with other standard parameters (14 n,), whole or not at all.
+    """Write the robot's model with other standard parameters (14 links,), whole or not at all.
 
     Inertia, armature, damping and frictionloss are replaced, all else is kept; the file loads in
     plain MuJoCo. A link's inertia goes to the body that carries its joint, bodies welded to it keep
@@ -36,11 +36,13 @@ def write_model(robot: Robot, standard: Array, path: str | Path) -> None:
     parameters that MuJoCo refuses, and for inertia between joints that share a body.
     """
     path = Path(path)
-    table = np.asarray(standard, dtype=np.float64).reshape(robot.joints, PER_JOINT)
-    model = robot.model
-    for joint in range(robot.joints - 1):
+    table = np.asarray(standard, dtype=np.float64).reshape(-1, PER_JOINT)
+    model, names = robot.model, robot.chain.tree.joint_names
+    if robot.chain.followers is not None:
+        table = table[robot.chain.followers.place]
+    for joint in range(model.njnt - 1):
         if model.jnt_bodyid[joint] == model.jnt_bodyid[joint + 1] and np.any(table[joint, :INERTIAL] != 0):
-            raise InputError(path, robot.joint_names[joint], "no inertia between joints of one body", "some")
+            raise InputError(path, names[joint], "no inertia between joints of one body", "some")
     root = _as_mjcf(robot)
     joint = -1
     for body in root.iterfind("./worldbody//body"):

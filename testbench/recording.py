@@ -104,7 +104,7 @@ def _log_scene(stream: rr.RecordingStream, run: _Run, result: IdentificationResu
         if q is None:
             continue
         log_robot(stream, f"{run.root}/arm/{name}", model, ghost=name == "reference")
-        position, orientation, tool = body_poses(model, q[::every])
+        position, orientation, tool = body_poses(model, result.robot.chain.link_positions(q[::every]))
         log_motion(stream, f"{run.root}/arm/{name}", model, time, position, orientation)
         way = rr.LineStrips3D([tool], colors=[colour], radii=[width * reach(model)])
         stream.log(f"{run.root}/path/{name}", way, static=True)

@@ -34,7 +34,7 @@ class Robot:
     """A model on disk and what was read from it.
 
     name: the model's own. source: the file, and what of it is the robot. model: compiled MuJoCo model.
-    chain: kinematics. parameters: (14 n,) standard parameters of the model itself. limits: joint limits.
+    chain: kinematics. parameters: (14 links,) standard parameters of the model itself. limits: joint limits.
     notes: sentences on what of the file was held still, ignored, left out or changed.
     """
 

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from identification.chain import gravity
+from identification.followers import followed
 
 # Of a dcmotor in biasprm and dynprm: amplitude of the cogging, stiffness of the LuGre bristles.
 COGGING, BRISTLES = 0, 5
@@ -15,9 +16,10 @@ COGGING, BRISTLES = 0, 5
 def unmodelled_forces(model: Any) -> tuple[str, ...]:
     """What acts in a compiled ``mujoco.MjModel`` and is not known.
 
-    Known are gravity, elastic springs of joints, armature, linear damping and frictionloss. A phrase for
-    each of the others, with its value and element, such as "stiffness 20 of tendon t". What is zero or
-    inactive is harmless, and so are contacts, joint limits, and actuators that their controls drive.
+    Known are gravity, elastic springs of joints, armature, linear damping, frictionloss, and joints that
+    follow another at a constant ratio. A phrase for each of the others, with its value and element, such as
+    "stiffness 20 of tendon t". What is zero or inactive is harmless, and so are contacts, joint limits, and
+    actuators that their controls drive.
     """
     found = (_of_joints, _of_bodies, _of_tendons, _of_equalities, _of_actuators, _of_the_rest)
     return tuple(phrase for each in found for phrase in each(model))
@@ -56,7 +58,10 @@ def _of_tendons(model: Any) -> Iterator[str]:
 
 
 def _of_equalities(model: Any) -> Iterator[str]:
+    found = followed(model)
     for equality in np.flatnonzero(model.eq_active0):
+        if model.eq_type[equality] == mujoco.mjtEq.mjEQ_JOINT and int(model.eq_obj1id[equality]) in found:
+            continue
         kind = mujoco.mjtEq(model.eq_type[equality]).name.removeprefix("mjEQ_").lower()
         yield f"equality {kind} {model.equality(equality).name or equality + 1}"
 

@@ -54,6 +54,16 @@ ARM = f"""
 </mujoco>
 """
 KEPT = ("turn", "lift", "elbow")
+# Of the four joints c follows b.
+CHAIN = f"""
+<mujoco><compiler angle="radian"/><worldbody>
+  <body>{MASS.format(3)}<joint name="a" axis="0 0 1" range="-2 2"/>
+    <body pos=".1 0 0">{MASS.format(2)}<joint name="b" axis="0 1 0" range="-2 2"/>
+      <body pos=".2 0 .1">{MASS.format(1)}<joint name="c" axis="1 0 0" range="-4 .5"/>
+        <body pos=".1 .1 0">{MASS.format(1)}<joint name="d" axis="0 1 1" range="-2 2"/></body>
+  </body></body></body></worldbody>
+  <equality>{{}}<joint joint1="c" joint2="b" polycoef={{}}/></equality></mujoco>
+"""
 FINGERS = """
 <robot name="gripper"><link name="base"/>
   {links}
@@ -177,13 +187,44 @@ def test_a_gripper_whose_followers_the_file_has_fixed_is_held(tmp_path: Path) ->
     assert asked.joint_names == ("arm", "left")
 
 
-def test_a_follower_that_is_held_while_its_leader_moves_is_said(tmp_path: Path) -> None:
+@pytest.mark.parametrize("joints", [("arm", "left"), ("arm", "left", "right")])
+def test_a_follower_moves_with_its_leader(tmp_path: Path, joints: tuple[str, ...]) -> None:
     links = "".join(LINK.format(name, mass) for name, mass in (("a", 3), ("b", 0.5), ("c", 0.4)))
-    robot = load_robot(_written(tmp_path, FINGERS.format(links=links), "arm.urdf"), Choice(("arm", "left")))
-    assert (
-        "right follows left, but is held still here: left has its weight as it stands, and lacks its inertia "
-        "and friction"
-    ) in robot.notes
+    robot = load_robot(_written(tmp_path, FINGERS.format(links=links), "arm.urdf"), Choice(joints))
+    assert robot.joint_names == ("arm", "left")
+    assert robot.chain.link_names == ("arm", "left", "right")
+    assert robot.notes == ("right moves with left, -1 times as far",)
+
+
+def test_followers_of_followers_move_with_the_first(tmp_path: Path) -> None:
+    chain = CHAIN.format("<joint joint1='b' joint2='a' polycoef='.1 2 0 0 0'/>", "'0 -3 0 0 0'")
+    robot = load_robot(_written(tmp_path, chain))
+    assert robot.joint_names == ("a", "d")
+    assert robot.chain.followers is not None
+    np.testing.assert_allclose(robot.chain.link_positions(np.array([0.5, 1.0])), [0.5, 1.1, -3.3, 1.0])
+
+
+def test_a_coupling_stays_where_one_before_it_goes(tmp_path: Path) -> None:
+    chain = CHAIN.format("<joint joint1='d' joint2='a' polycoef='0 1 0 0 0'/>", "'0 2 0 0 0'")
+    robot = load_robot(_written(tmp_path, chain), Choice(("b",)))
+    assert robot.chain.link_names == ("b", "c")
+
+
+@pytest.mark.parametrize(
+    ("polynomial", "reason"),
+    [
+        ("'0 2 .1 0 0'", ""),
+        ("'3 1 0 0 0'", " as its range leaves b none"),
+    ],
+)
+def test_a_follower_that_is_held_while_its_leader_moves_is_said(
+    tmp_path: Path, polynomial: str, reason: str
+) -> None:
+    path = _written(tmp_path, CHAIN.format("", polynomial))
+    robot = load_robot(path, Choice(("a", "b", "d")))
+    assert robot.chain.followers is None
+    cost = "b has its weight as it stands, and lacks its inertia and friction"
+    assert f"c follows b, but is held still here{reason}: {cost}" in robot.notes
 
 
 LEGGED = f"""

@@ -119,8 +119,8 @@ def corrected_by(only: Fit, final: tuple[Design, Fit], again: Recurrence | None,
 
 
 def _standard(robot: Robot, fitted: Fit) -> tuple[Array, float]:
-    """Standard parameters (14 n,) and timing, s, of a fit."""
-    count = PER_JOINT * robot.joints
+    """Standard parameters (14 links,) and timing, s, of a fit."""
+    count = len(robot.parameters)
     return robot.parameters + fitted.values[:count], float(fitted.values[count])
 
 
@@ -248,7 +248,7 @@ def _shapes(model: Corrected) -> Iterator[tuple[str, Array, tuple[int, ...]]]:
     for name in LIMITS:
         yield name, np.nan_to_num(getattr(model.limits, name), posinf=0.0, neginf=0.0), (n,)
     for name in ("nominal", "parameters", "final", "linearised"):
-        yield name, getattr(model, name), (PER_JOINT * n,)
+        yield name, getattr(model, name), (PER_JOINT * model.chain.links,)
     for name in ("coulomb_smoothing", "zeros"):
         yield name, getattr(model, name), (n,)
     yield "last_body", model.body_rotation, (3, 3)

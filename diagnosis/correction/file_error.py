@@ -71,7 +71,8 @@ class MujocoTorque:
     """
 
     def __init__(self, mjcf: Any, robot: Robot):
-        joints = [mjcf.joint(name) for name in robot.joint_names]
+        self.chain = robot.chain
+        joints = [mjcf.joint(name) for name in robot.chain.tree.joint_names]
         self.mjcf = mjcf
         self.mjcf.opt.disableflags |= int(UNFELT)
         self.qpos = np.array([joint.qposadr[0] for joint in joints])
@@ -89,7 +90,8 @@ class MujocoTorque:
             self._place(data, q[sample], dq[sample], ddq[sample])
             mujoco.mj_inverse(self.mjcf, data)
             mujoco.mj_fwdActuation(self.mjcf, data)
-            out[sample] = (data.qfrc_inverse - data.qfrc_actuator)[self.dofs]
+            torque = (data.qfrc_inverse - data.qfrc_actuator)[self.dofs]
+            out[sample] = self.chain.at_joints(torque[None])[0]
             for _ in range(steps if self.mjcf.na else 0):
                 mujoco.mj_step(self.mjcf, data)
                 self._place(data, q[sample], dq[sample], ddq[sample])
@@ -97,7 +99,8 @@ class MujocoTorque:
 
     def _place(self, data: Any, q: Array, dq: Array, ddq: Array) -> None:
         data.qpos[:], data.qvel[:], data.qacc[:] = self.mjcf.qpos0, 0.0, 0.0
-        data.qpos[self.qpos], data.qvel[self.dofs], data.qacc[self.dofs] = q, dq, ddq
+        data.qpos[self.qpos] = self.chain.link_positions(q)
+        data.qvel[self.dofs], data.qacc[self.dofs] = map(self.chain.link_motions, (dq, ddq))
 
 
 def _gains(model: Any, names: tuple[str, ...]) -> Array:

@@ -53,9 +53,9 @@ class Run:
 
     name: the log's. logged: full-rate signals with the model's prediction. filters: (n,) of each joint's
     torque and columns alike. kept: (M,) indices of the decimated samples. time: (M,) s. q, dq, ddq: (M, n).
-    torque: (M, n), rows: a joint, (M, 14 (n - joint)) of the standard regressor, both filtered; links before
-    it never load a joint. whole: (M, n) bool, away from what is made up. used: those of them that count, away
-    from rest.
+    torque: (M, n), rows: a joint, (M, 14 (links - joint)) of the standard regressor, both filtered; links
+    before it never load a joint. whole: (M, n) bool, away from what is made up. used: those of them that
+    count, away from rest.
     smear: (n,) samples at full rate that each filter spreads what is near rest over. lost: how many samples
     of the log were held or spoiled, and are interpolated. torque_step, position_step: (n,) N·m and
     rad (m), that the log counts in.
@@ -136,7 +136,7 @@ def filtered_run(robot: Robot, log: MendedLog, bands: Array, thinning: int) -> R
         lowest = float(cutoffs.min())
         raise InputError(log.name, "time", f"at least {needed} samples for a {lowest:.3g} Hz filter", samples)
     logged = logged_along(robot.chain, robot.limits, robot.parameters, recording, signals, rate)
-    body_rotation, body_origin = body_in_link(robot, robot.joints - 1)
+    body_rotation, body_origin = body_in_link(robot, robot.chain.last)
     logged = replace(logged, body_rotation=body_rotation, body_origin=body_origin)
     run = Run(
         name=log.name,
@@ -192,7 +192,7 @@ def _regressor_rows(
     robot: Robot, signals: Signals, filters: Sequence[DecimatingFilter], kept: int
 ) -> tuple[Array, ...]:
     """Rows of the standard regressor, as of ``Run``, made and filtered a part at a time. kept: M."""
-    count = PER_JOINT * robot.joints
+    count = PER_JOINT * robot.chain.links
     found = tuple(np.empty((kept, count - PER_JOINT * joint)) for joint in range(robot.joints))
     for decimated, part in parts(filters[0], len(signals.q)):
         rows = regressor(robot.chain, signals.q[part], signals.dq[part], signals.ddq[part])

@@ -84,7 +84,7 @@ class _Counted:
         matrix, right, parts = self.prior.copy(), np.zeros(len(self.prior)), []
         for j, (own, weight) in enumerate(zip(self.loading, self.weights, strict=True)):
             x = self.columns[j].copy()
-            x[:, : PER_JOINT * (self.chain.joints - j)] += moved[:, j, PER_JOINT * j :]
+            x[:, : PER_JOINT * (self.chain.links - j)] += moved[:, j, PER_JOINT * j :]
             x, y = x[self.used[:, j]], gap[self.used[:, j], j]
             matrix[own, own] += weight * (x.T @ x)
             right[own] += weight * (x.T @ y)
@@ -111,5 +111,5 @@ class _Counted:
         return joint, float(found.x), -float(found.fun)
 
     def _rows(self, q: Array) -> Array:
-        """The standard regressor (K, n, 14 n) at these positions."""
+        """The standard regressor (K, n, 14 links) at these positions."""
         return regressor(self.chain, q, self.dq, self.ddq)

@@ -84,7 +84,7 @@ def _linearised(
     parameters = standard_values(prepared, values)
     for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         if each.family.effect == PAYLOAD:
-            parameters[PER_JOINT * (prepared.joints - 1) :][:INERTIAL] += values[own]
+            parameters[PER_JOINT * prepared.robot.chain.last :][:INERTIAL] += values[own]
     accepted, passed = list(hypothesis.accepted), []
 
     def again(there: Prepared, loads: bool) -> list[Array]:

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.covariance import variance_inflation
-from identification.parameters import PER_JOINT
 
 from ..data.preparation import Prepared
 from ..model.base_regressor import ground
@@ -205,8 +204,8 @@ def fitted_to(prepared: Prepared, accepted: Sequence[Candidate]) -> tuple[Design
 
 
 def standard_values(prepared: Prepared, values: Array) -> Array:
-    """Standard parameters (14 n,) of a hypothesis's unknowns (p,)."""
-    return prepared.nominal + values[: PER_JOINT * prepared.joints]
+    """Standard parameters (14 links,) of a hypothesis's unknowns (p,)."""
+    return prepared.nominal + values[: len(prepared.nominal)]
 
 
 def squares(residual: Sequence[Array]) -> Array:

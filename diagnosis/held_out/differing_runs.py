@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from identification.parameters import COULOMB, MASS, VISCOUS
+from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 
@@ -277,7 +277,7 @@ def _is_large(prepared: Prepared, own: _Own, index: int) -> bool:
     coefficients, variances = own.coefficients[index], np.diag(own.covariance[index])
     if own.columns.payload is not None:
         mass, deviation = coefficients[MASS], np.sqrt(variances[MASS])
-        links = float(prepared.nominal.reshape(prepared.joints, -1)[:, MASS].sum())
+        links = float(prepared.nominal.reshape(-1, PER_JOINT)[:, MASS].sum())
         sure = mass > max(SURELY * deviation, LEAST_MASS * links)
         return bool(sure) and is_plausible(prepared.robot, own.columns.payload, coefficients)
     # Of friction, Coulomb's.

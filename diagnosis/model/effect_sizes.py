@@ -101,7 +101,9 @@ def size(robot: Robot, torque_scale: Array, candidate: Candidate, coefficients: 
         grows = severe >= mild
         if family.effect == PAYLOAD:
             masses = robot.parameters.reshape(-1, PER_JOINT)[:, MASS]
-            mild = min(mild, OF_LAST_LINK * max(float(masses[-1]), OF_HEAVIEST * float(masses.max())))
+            mild = min(
+                mild, OF_LAST_LINK * max(float(masses[robot.chain.last]), OF_HEAVIEST * float(masses.max()))
+            )
         if family.joint is not None and known[name].unit == "N·m":
             mild = max(mild, least * float(torque_scale[family.joint]))
             if family.effect == SPRING:

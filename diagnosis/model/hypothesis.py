@@ -91,7 +91,9 @@ class Design:
         kinds, of_joint = np.zeros((2, len(self.precision))), np.zeros((2, PER_JOINT))
         of_joint[0, [*range(INERTIAL), ARMATURE]] = 1.0
         of_joint[1, [VISCOUS, COULOMB, OFFSET]] = 1.0
-        kinds[:, : self.timing] = np.tile(of_joint, self.prepared.joints)
+        kinds[:, : self.timing] = np.tile(of_joint, self.prepared.robot.chain.links)
+        if (followers := self.prepared.robot.chain.followers) is not None:
+            kinds[:, : self.timing][:, followers.is_nobodys(np.arange(self.timing))] = 0.0
         # What holds a push back goes with the first.
         for each, part in zip(self.accepted, self.parts, strict=True):
             kinds[0, part] = each.is_event

@@ -177,7 +177,9 @@ def _is_left(stage: Stage, joint: int, width: float) -> bool:
 
 def _coulomb(stage: Stage) -> Array:
     """(n,) N·m of Coulomb friction as fitted."""
-    return standard_values(stage.prepared, stage.fitted.values).reshape(-1, PER_JOINT)[:, COULOMB]
+    return standard_values(stage.prepared, stage.fitted.values).reshape(-1, PER_JOINT)[
+        : stage.prepared.joints, COULOMB
+    ]
 
 
 def with_friction_near_rest(prepared: Prepared, known: NearRest) -> Prepared:

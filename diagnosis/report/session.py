@@ -94,7 +94,8 @@ def _log_scene(stream: rr.RecordingStream, diagnosis: Diagnosis, index: int) -> 
         if q is None:
             continue
         log_robot(stream, f"{root}/arm/{name}", model, ghost=name == "reference")
-        position, orientation, tool = body_poses(model, q[::every])
+        poses = body_poses(model, diagnosis.robot.chain.link_positions(q[::every]))
+        position, orientation, tool = poses
         log_motion(stream, f"{root}/arm/{name}", model, time, position, orientation)
         if name == "measured":
             way = rr.LineStrips3D([tool], colors=[REFERENCE], radii=[0.002 * reach(model)])

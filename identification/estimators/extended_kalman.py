@@ -65,9 +65,12 @@ def estimate(problem: Problem) -> Estimate:
 
     The noise of positions and torques is read off the raw positions and off the residual of the weighted
     torque fit, which is used for nothing else. Raises InputError for other equations than the inverse
-    dynamic model's, and where the nominal model is so far off that the filter loses the mass matrix.
+    dynamic model's, where joints follow others, and where the nominal model is so far off that the filter
+    loses the mass matrix.
     """
     require_torque_equations(problem, "extended_kalman")
+    # Where joints follow others, they say so before all else is done.
+    _ = problem.chain.arrays
     fit = wls.estimate(problem)
     std, _ = problem.residual_std(fit.values)
     runs = [_run(problem, index, std) for index in range(len(problem.motions))]

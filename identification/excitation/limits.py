@@ -163,7 +163,7 @@ def limit_margins(
 def holding_torque(chain: Chain, parameters: Array, q: Array) -> Array:
     """Largest torque (N, n) near rest at the configurations (N, n): gravity and Coulomb friction."""
     rest = np.zeros(q.shape)
-    coulomb = np.abs(parameters.reshape(-1, PER_JOINT)[:, COULOMB])
+    coulomb = np.abs(parameters.reshape(-1, PER_JOINT)[: chain.joints, COULOMB])
     return np.abs(inverse_dynamics(chain, parameters, q, rest, rest)) + coulomb
 
 

@@ -147,12 +147,12 @@ class _JointFit:
         self.floors = (LEAST_LEFT * rms) ** 2
         table = robot.parameters.reshape(-1, PER_JOINT)
         mass = PAYLOAD * float(table[:, MASS].sum())
-        length = float(np.max(np.linalg.norm(chain.translation, axis=1), initial=0.1))
+        length = float(np.max(np.linalg.norm(chain.tree.translation, axis=1), initial=0.1))
         tool = np.concatenate([np.full(6, mass * length**2), np.full(3, mass * length), [mass]])
         # A tool hangs where the arm ends.
         tool[:9] /= 4
         joints = PER_JOINT * np.arange(self.n)
-        last = PER_JOINT * (self.n - 1)
+        last = PER_JOINT * chain.last
         self.kinds = {
             "payload": (last + np.arange(INERTIAL), tool),
             "offsets": (joints + OFFSET, OFFSETS * rms),

@@ -71,7 +71,9 @@ class ModelFit:
             np.maximum(np.sqrt(np.mean(each**2, axis=0)), SLOWEST) for each in (samples.dq, samples.ddq)
         )
         self.widths: Array = parameter_widths(robot.parameters, self.typical, speed, acceleration)
-        friction = np.stack([robot.parameters, self.widths]).reshape(2, -1, PER_JOINT)[..., COULOMB]
+        friction = np.stack([robot.parameters, self.widths]).reshape(2, -1, PER_JOINT)[
+            :, : robot.joints, COULOMB
+        ]
         # N·m (N): what a joint may hold at rest, and what no model explains.
         self.holds = np.sqrt(np.sum(friction**2, axis=0) + (LEAST_LEFT * self.torque_rms) ** 2)
         self._products: dict[Convention, tuple[_Products, _Products]] = {}
@@ -178,7 +180,8 @@ class ModelFit:
 class _Products:
     """Products of the scaled regressors and the torques of the joints that count, (k,) each.
 
-    grams: (k, 14 n, 14 n). torque_products, model_products: (k, 14 n), with the torque and with the model's.
+    grams: (k, p, p), p = 14 a link. torque_products, model_products: (k, p), with the torque and with the
+    model's.
     samples: that count. runs: that have these. torque_square, both, model_square: of both torques.
     """
 
@@ -198,7 +201,7 @@ class _Products:
         return np.sqrt(self.torque_square / self.samples)
 
     def less_the_model(self, convention: Convention) -> tuple[Array, Array]:
-        """Products (k, 14 n) and squares (k,) of the torque over its factor, less the model's."""
+        """Products (k, p) and squares (k,) of the torque over its factor, less the model's."""
         factor = (np.array(convention.torque_sign) / np.array(convention.scale))[self.joints]
         products = factor[:, None] * self.torque_products - self.model_products
         return products, factor**2 * self.torque_square - 2 * factor * self.both + self.model_square

@@ -18,7 +18,6 @@ from diagnosis.model.hypothesis import design
 from identification.differentiation import differentiate
 from identification.inverse_dynamics import inverse_dynamics
 from identification.models import POSITION_BAND
-from identification.parameters import PER_JOINT
 from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.sampling import motion
@@ -45,7 +44,7 @@ def floor(nominal: Robot, twin: Sequence[Recording]) -> Array:
     *given, hidden = twin
     prepared = prepare(nominal, {f"run_{index}": run for index, run in enumerate(given)})
     fitted = fit(prepared, design(prepared))
-    count = PER_JOINT * nominal.joints
+    count = len(nominal.parameters)
     parameters = nominal.parameters + fitted.values[:count]
     logged = prepared.runs[0].logged
     model = Corrected(

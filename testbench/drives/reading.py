@@ -46,9 +46,12 @@ def read_servo_logs(
 ) -> list[ServoLog]:
     """The logs as runs, in their order; what was guessed of other formats is printed. Torque is not read.
 
-    Raises InputError for a log without commands or gains, one whose command is the measurement, and gains
-    whose torque is out of all proportion to the model.
+    Raises InputError for a robot whose joints follow others, a log without commands or gains, one whose
+    command is the measurement, and gains whose torque is out of all proportion to the model.
     """
+    if robot.chain.followers is not None:
+        expected = "measured torque, where joints follow others"
+        raise InputError(robot.path, "joints", expected, ", ".join(robot.chain.followers.names))
     door = Door(joints_of(robot.chain, robot.limits), map_path)
     opened = [door.log(path, with_torque=False) for path in paths]
     for line in said(opened, robot.path):

@@ -85,5 +85,6 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
         element.range = element.range + turned
     for key in spec.keys:
         if len(key.qpos):
-            key.qpos = [value + offset * (index == joint) for index, value in enumerate(key.qpos)]
+            own = robot.chain.in_tree[joint]
+            key.qpos = [value + offset * (index == own) for index, value in enumerate(key.qpos)]
     return ()

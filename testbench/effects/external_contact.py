@@ -66,7 +66,7 @@ DESCRIPTION = EffectDescription(
 )
 # Parameters of the hook before its table of links, and its state before q and torque: whether a direction
 # is kept, and the force in base axes.
-HEAD, STATE = 12, 4
+HEAD, STATE = 13, 4
 # Of the strongest joint's drive, what any other's withstands at least.
 SMALLEST = 1e-3
 
@@ -80,10 +80,10 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
     lever = 1.0 if chain.is_slide[joint] else float(np.linalg.norm(point))
     law = DESCRIPTION.laws.index(injection.law)
     ramp = min(RAMP, 0.25 * values["duration"])
-    head = [chain.joints, law, values["start"], values["duration"], ramp]
-    head += [*point, *(direction * values["torque"] / lever), values["torque"]]
+    head = [chain.links, law, values["start"], values["duration"], ramp]
+    head += [*point, *(direction * values["torque"] / lever), values["torque"], chain.in_tree[joint]]
     parameters = np.concatenate([head, link_table(chain).ravel()])
-    return Action((hook(Stage.TORQUE, _push, joint, parameters, STATE + 2 * chain.joints),))
+    return Action((hook(Stage.TORQUE, _push, joint, parameters, STATE + 2 * (joint + 1)),))
 
 
 @hook_kernel
@@ -101,15 +101,15 @@ def _push(bus: int, parameters: int, state: int, joint: int) -> None:
     if values[1] == JOINT_TORQUE:
         row[LINK_TORQUE] += size * values[11]
         return
-    links = values[HEAD:].reshape((n, LINK))
-    memory = vector(state, STATE + 2 * n)
-    q, torque = memory[STATE : STATE + n], memory[STATE + n :]
+    links, link = values[HEAD:].reshape((n, LINK)), int(values[12])
+    memory = vector(state, STATE + 2 * (joint + 1))
+    q, torque = memory[STATE : STATE + joint + 1], memory[STATE + joint + 1 :]
     for i in range(joint + 1):
         q[i] = bus_row(bus, i)[LINK_POSITION]
     fx, fy, fz = values[8], values[9], values[10]
     if values[1] == WORLD_FORCE and memory[0] == 1.0:
-        fx, fy, fz = force_in_link(links, q, joint, memory[1], memory[2], memory[3])
-    in_base = push_torques(links, q, joint, values[5:8], fx, fy, fz, torque)
+        fx, fy, fz = force_in_link(links, q, link, memory[1], memory[2], memory[3])
+    in_base = push_torques(links, q, link, values[5:8], fx, fy, fz, torque)
     if memory[0] == 0.0:
         memory[0] = 1.0
         memory[1], memory[2], memory[3] = in_base

@@ -7,6 +7,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.parameters import ARMATURE, PER_JOINT
+
 from ..robot import Robot
 from .action import (
     DAMPING,
@@ -212,7 +214,8 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
 def add_link_joint(spec: Any, robot: Robot, joint: int, name: str) -> Any:
     """A joint (MjsJoint) on the body and axis of a robot's joint, where the link leaves the motor."""
     motor = joint_element(spec, robot, joint)
-    index = [element.name for element in spec.joints].index(motor.name)
+    followers = robot.chain.link_names[robot.joints :]
+    index = [each.name for each in spec.joints if each.name not in followers].index(motor.name)
     for numeric in spec.numerics:
         # One value a joint, which load_robot checks.
         if numeric.name in PER_JOINT_NUMERICS:
@@ -222,7 +225,7 @@ def add_link_joint(spec: Any, robot: Robot, joint: int, name: str) -> Any:
     for other in motor.parent.joints[1:]:
         if other.name.startswith(motor.name) and other.armature == 0.0:
             # Two joints in a row without a mass between them have no inertia matrix.
-            other.armature = BETWEEN * robot.model.dof_armature[joint]
+            other.armature = BETWEEN * float(robot.parameters[PER_JOINT * joint + ARMATURE])
     slide = bool(robot.chain.is_slide[joint])
     kind = mujoco.mjtJoint.mjJNT_SLIDE if slide else mujoco.mjtJoint.mjJNT_HINGE
     link = motor.parent.add_joint(name=f"{motor.name}_{name}", type=kind, pos=motor.pos, axis=motor.axis)

@@ -47,7 +47,7 @@ def typical_link_inertia(run: Logged, joint: int) -> float:
     lower = np.where(np.isfinite(limits.lower), limits.lower, -UNLIMITED_RANGE)
     upper = np.where(np.isfinite(limits.upper), limits.upper, UNLIMITED_RANGE)
     poses = np.random.default_rng(0).uniform(lower, upper, (POSES, run.joints))
-    links = run.nominal.reshape(run.joints, PER_JOINT).copy()
+    links = run.nominal.reshape(-1, PER_JOINT).copy()
     armature = float(links[joint, ARMATURE])
     links[:, INERTIAL:] = 0.0
     still, unit = np.zeros_like(poses), np.eye(run.joints)[joint]

@@ -49,7 +49,7 @@ PER_SAMPLE = (
 class Logged:
     """One run, with what the model says along it. N samples, n joints; SI units at the joint.
 
-    chain: kinematics. parameters: (14 n,) standard parameters as last estimated. nominal: (14 n,) of the
+    chain: kinematics. parameters: (14 links,) standard parameters as last estimated. nominal: likewise of the
     model as given. limits: of the joints. time: (N,) s, uniform. sample_rate: Hz. cutoff: Hz, of the
     low-pass behind q, dq and ddq. q, dq, ddq: (N, n) filtered at the full rate. tau: (N, n) measured
     torque at the full rate. temperature: (N, n) degC. torque_command: (N, n) N·m. reference_position,
@@ -165,8 +165,8 @@ class Logged:
 
     @cached_property
     def table(self) -> Array:
-        """The standard parameters as (n, 14)."""
-        return self.parameters.reshape(self.joints, PER_JOINT)
+        """The standard parameters of the joints' own links as (n, 14)."""
+        return self.parameters.reshape(-1, PER_JOINT)[: self.joints]
 
     @cached_property
     def gravity_load(self) -> Array:
@@ -197,8 +197,8 @@ class Logged:
 
     @property
     def _links(self) -> Array:
-        """The standard parameters with rotors and friction left out, (14 n,)."""
-        table = self.table.copy()
+        """The standard parameters with rotors and friction left out, (14 links,)."""
+        table = self.parameters.reshape(-1, PER_JOINT).copy()
         table[:, INERTIAL:] = 0.0
         return table.ravel()
 
@@ -288,7 +288,7 @@ def logged_run(robot: Robot, recording: Recording, parameters: Array, cutoff: fl
     rate = recording.sample_rate
     q = zero_phase_lowpass(recording.position, rate, cutoff)
     dq = central_difference(q, rate)
-    rotation, origin = body_in_link(robot, robot.joints - 1)
+    rotation, origin = body_in_link(robot, robot.chain.last)
     return Logged(
         chain=robot.chain,
         parameters=parameters,
@@ -312,17 +312,20 @@ def logged_run(robot: Robot, recording: Recording, parameters: Array, cutoff: fl
 
 
 def body_in_link(robot: Robot, joint: int) -> tuple[Array, Array]:
-    """The frame of the body that carries a joint, in that joint's link frame: (3, 3) and origin (3,) m."""
+    """The frame of the body that carries a joint, in that joint's link frame: (3, 3) and origin (3,) m.
+
+    joint: in the order of the standard parameters, so that it may be a follower.
+    """
     data = mujoco.MjData(robot.model)
     mujoco.mj_kinematics(robot.model, data)
     rotation, origin = np.eye(3), np.zeros(3)
-    chain = robot.chain
-    for index in chain.path(joint):
+    chain, link = robot.chain.tree, int(robot.chain.in_tree[joint])
+    for index in chain.path(link):
         position = data.qpos[index]
         turn = 0.0 if chain.is_slide[index] else position
         shift = chain.rotation[index, :, 2] * (position if chain.is_slide[index] else 0.0)
         origin = origin + rotation @ (chain.translation[index] + shift)
         c, s = np.cos(turn), np.sin(turn)
         rotation = rotation @ chain.rotation[index] @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    body = int(robot.model.jnt_bodyid[joint])
+    body = int(robot.model.jnt_bodyid[link])
     return rotation.T @ data.xmat[body].reshape(3, 3), rotation.T @ (data.xpos[body] - origin)

@@ -38,7 +38,7 @@ def passive_device(
     static, friction = lugre[1], [0.0] * 5
     if static > 0.0:
         stiffness, ratio = bristles or (static / PRESLIDING, BRISTLE_DAMPING_RATIO)
-        inertia = float(robot.model.dof_M0[joint])
+        inertia = float(robot.model.dof_M0[robot.chain.in_tree[joint]])
         friction = [stiffness, 2 * ratio * float(np.sqrt(stiffness * inertia)), *lugre]
         element.frictionloss = 0.0
     device.set_to_dcmotor(

@@ -93,7 +93,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     axes, is held at zero.
     """
     n = runs[0].joints
-    ten = PER_JOINT * (n - 1) + np.arange(INERTIAL)
+    ten = PER_JOINT * runs[0].chain.last + np.arange(INERTIAL)
     bounds = np.array([DESCRIPTION.parameters[0].upper] * INERTIAL) * REACH
     columns = ColumnsByInstant(runs, lambda run: regressor(run.chain, run.q, run.dq, run.ddq, ten))
     felt = columns.largest() > 0
@@ -134,7 +134,7 @@ def _widths(run: Logged) -> Array:
 
 def arm_length(chain: Chain) -> float:
     """Length of the arm along its joints' anchors, m, from the first on; SHORTEST at least."""
-    return max(float(np.linalg.norm(chain.translation[1:], axis=1).sum()), SHORTEST)
+    return max(float(np.linalg.norm(chain.tree.translation[1:], axis=1).sum()), SHORTEST)
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

@@ -151,7 +151,7 @@ def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:
         return ()
     coulomb = coulomb_level(spec, robot, joint)
     if coulomb == 0.0:
-        coulomb = float(robot.parameters.reshape(robot.joints, -1)[joint, COULOMB_PARAMETER])
+        coulomb = float(robot.parameters.reshape(robot.chain.links, -1)[joint, COULOMB_PARAMETER])
     bristles = injection.values["stiffness"], _damping_ratio(injection)
     passive_device(spec, robot, joint, "bristles", lugre=(coulomb, coulomb, 1.0), bristles=bristles)
     if injection.law == ELASTO_PLASTIC:

@@ -84,14 +84,15 @@ class _Key:
 def _scales(key: _Key) -> dict[str, Array]:
     robot = key.robot
     n = robot.joints
-    table = robot.parameters.reshape(n, PER_JOINT)
+    every = robot.parameters.reshape(-1, PER_JOINT)
+    table = every[:n]
     limits = robot.limits
     lower = np.where(np.isfinite(limits.lower), limits.lower, -POSITION_RANGE)
     upper = np.where(np.isfinite(limits.upper), limits.upper, POSITION_RANGE)
     rng = np.random.default_rng(0)
     poses = rng.uniform(lower, upper, (POSES, n))
     still = np.zeros_like(poses)
-    links = table.copy()
+    links = every.copy()
     links[:, INERTIAL:] = 0.0
     chain = robot.chain.without_springs()
     gravity = inverse_dynamics(chain, links.ravel(), poses, still, still, threads=1)

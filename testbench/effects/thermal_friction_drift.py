@@ -168,7 +168,8 @@ def _heat(run: Logged, joint: int) -> Array:
 
 def _cold(run: Logged, joint: int) -> Array:
     """Viscous and Coulomb friction (2,) that warmth takes its share of."""
-    table = np.maximum(run.table, run.nominal.reshape(run.table.shape) / LARGEST_COEFFICIENT)
+    nominal = run.nominal.reshape(run.chain.links, -1)[: run.joints]
+    table = np.maximum(run.table, nominal / LARGEST_COEFFICIENT)
     return np.maximum(table[joint, [VISCOUS_PARAMETER, COULOMB_PARAMETER]], 0.0)
 
 

@@ -100,9 +100,12 @@ def parity(robot: Robot, states: int = STATES, seed: int = 0) -> Parity:
     table = robot.parameters.reshape(-1, PER_JOINT).copy()
     table[:, [COULOMB, OFFSET]] = 0.0
     springs = spring_torque(robot.chain.springs, q)
-    ours = regressor(robot.chain, q, dq, ddq) @ table.ravel() + springs
-    by_mujoco = mujoco_torques(robot.spec().compile(), q, dq, ddq)
-    by_pinocchio = pinocchio_torques(theirs, robot.joint_names, q, dq, ddq) + table[:, VISCOUS] * dq + springs
+    chain = robot.chain
+    ours = regressor(chain, q, dq, ddq) @ table.ravel() + springs
+    tree, links = chain.tree, (chain.link_positions(q), chain.link_motions(dq), chain.link_motions(ddq))
+    by_mujoco = chain.at_joints(mujoco_torques(robot.spec().compile(), *links))
+    by_pinocchio = chain.at_joints(pinocchio_torques(theirs, tree.joint_names, *links))
+    by_pinocchio += table[: robot.joints, VISCOUS] * dq + springs
     return Parity(
         regressor=_largest(ours - by_pinocchio),
         mujoco=_largest(by_mujoco - by_pinocchio),
@@ -161,7 +164,7 @@ def pinocchio_model(robot: Robot) -> Any:
         import pinocchio
     except ImportError:
         raise InputError("testbench", "parity", EXTRA, "not installed") from None
-    path = robot.path
+    path, names = robot.path, robot.chain.link_names
     try:
         if path.suffix.lower() == ".urdf":
             model = pinocchio.buildModelFromUrdf(str(path))
@@ -170,15 +173,15 @@ def pinocchio_model(robot: Robot) -> Any:
         else:
             model = pinocchio.buildModelFromMJCF(str(path))
             held = _configuration(model, mujoco.MjModel.from_xml_path(str(path)))
-        others = [joint for joint in range(1, model.njoints) if model.names[joint] not in robot.joint_names]
-        if model.nv != robot.joints:
+        others = [joint for joint in range(1, model.njoints) if model.names[joint] not in names]
+        if model.nv != len(names):
             model = pinocchio.buildReducedModel(model, others, held)
     # Whatever it raises of a file is Pinocchio's answer.
     except Exception as error:
         raise InputError(path, "model", "a model that Pinocchio reads", error) from None
-    if model.nv != robot.joints:
+    if model.nv != len(names):
         got = f"{model.nv} degrees of freedom"
-        raise InputError(path, "model", f"{robot.joints} joints to Pinocchio as well", got)
+        raise InputError(path, "model", f"{len(names)} joints to Pinocchio as well", got)
     model.gravity.linear = robot.model.opt.gravity
     return model
 

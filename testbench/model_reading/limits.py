@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InputError
+from identification.followers import Follows, followed
 
-from .selection import joint_label
+from .wording import joint_label
 
 Array = NDArray[np.float64]
 VELOCITY, ACCELERATION = "velocity_limit", "acceleration_limit"
@@ -33,24 +34,61 @@ class Limits:
 
 
 def model_limits(model: mujoco.MjModel, rated: Mapping[str, Mapping[str, float]]) -> Limits:
-    """Limits of a compiled model's joints. rated: by the names above, then by joint; missing is no limit.
+    """Limits of a compiled model's joints, those that follow others counted to these.
+
+    rated: by the names above, then by joint; missing is no limit.
 
     Ranges and torque limits are the model's own: ``range``, and the least of ``actuatorfrcrange``, the
     ``forcerange`` of an actuator on the joint, and the ``ctrlrange`` of a motor on it.
     """
-    limited = np.asarray(model.jnt_limited, dtype=bool)
-    names = [joint_label(model, joint) for joint in range(model.njnt)]
+    ranges = np.array([own_range(model, joint) for joint in range(model.njnt)])
+    found = followed(model)
+    for joint, follows in found.items():
+        least, most = leaders_range(model, joint, follows)
+        lower, upper = ranges[follows.leader]
+        ranges[follows.leader] = max(lower, least), min(upper, most)
+    own = [joint for joint in range(model.njnt) if joint not in found]
+    names = [joint_label(model, joint) for joint in own]
     velocity, acceleration = (
         np.array([rated.get(kind, {}).get(name, np.inf) for name in names])
         for kind in (VELOCITY, ACCELERATION)
     )
     return Limits(
-        lower=np.where(limited, model.jnt_range[:, 0], -np.inf),
-        upper=np.where(limited, model.jnt_range[:, 1], np.inf),
+        lower=ranges[own, 0],
+        upper=ranges[own, 1],
         velocity=velocity,
         acceleration=acceleration,
-        torque=_torque_limits(model),
+        torque=_torque_limits(model)[own],
     )
+
+
+def own_range(model: Any, joint: int) -> tuple[float, float]:
+    """The range of a joint by itself, rad (m); infinite where it has none."""
+    if not model.jnt_limited[joint]:
+        return -np.inf, np.inf
+    lower, upper = model.jnt_range[joint].tolist()
+    return lower, upper
+
+
+def leaders_range(model: Any, joint: int, follows: Follows) -> tuple[float, float]:
+    """The range that a joint's own leaves to the one that it follows, rad (m)."""
+    ends = [(end - follows.offset) / follows.ratio for end in own_range(model, joint)]
+    return min(ends), max(ends)
+
+
+def rated_at_leaders(
+    rated: Mapping[str, Mapping[str, float]], followers: Mapping[str, tuple[str, float]]
+) -> dict[str, dict[str, float]]:
+    """Rated speeds and accelerations with those of followers counted to the joints that they follow.
+
+    followers: the leader's name and the ratio, by name.
+    """
+    out = {kind: dict(by_joint) for kind, by_joint in rated.items()}
+    for by_joint in out.values():
+        for name, (leader, ratio) in followers.items():
+            if name in by_joint:
+                by_joint[leader] = min(by_joint.get(leader, np.inf), by_joint[name] / abs(ratio))
+    return out
 
 
 def rated_by_numerics(numerics: Mapping[str, Array], joints: tuple[str, ...]) -> dict[str, dict[str, float]]:

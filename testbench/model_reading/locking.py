@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InputError
+from identification.followers import followed
 
-from .selection import FREE, HINGE_OR_SLIDE, JOINT_EQUALITY, JOINT_WRAP, Selection, joint_label
-from .wording import listed
+from .selection import FREE, HINGE_OR_SLIDE, JOINT_EQUALITY, JOINT_WRAP, Selection
+from .wording import joint_label, listed
 
 Array = NDArray[np.float64]
 # Rotation (3, 3) and translation (3,) m.
@@ -23,19 +24,19 @@ JOINT_DRIVES = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
 
 def lock(spec: Any, model: Any, selection: Selection) -> tuple[str, ...]:
-    """Hold every joint but the selected ones where the keyframe or zero has it; sentences on what was done.
+    """Hold every joint that does not move where the keyframe or zero has it; sentences on what was done.
 
     spec is changed in place; model is what it compiled to. Bodies keep their mass. Free bodies that are
     ignored, keyframes, sensors and whatever acts on held joints alone are taken out. Raises InputError for
     a tendon that pulls on a joint that moves and one that is held.
     """
-    kept = set(selection.kept)
+    kept = set(selection.moving)
     gone = [joint for joint in range(model.njnt) if joint not in kept]
-    if not gone:
-        return ()
     elements = list(spec.joints)
-    for joint in selection.kept:
+    for joint in selection.moving if gone or selection.following else ():
         elements[joint].name = joint_label(model, joint)
+    if not gone:
+        return _following(model, selection)
     out = _subtrees(model, selection.ignored)
     qpos, where = standing(model)
     notes = _notes(model, selection, out, where)
@@ -54,7 +55,7 @@ def _notes(model: Any, selection: Selection, out: set[int], where: str) -> tuple
     locked = [
         joint_label(model, joint)
         for joint in range(model.njnt)
-        if joint not in selection.kept
+        if joint not in selection.moving
         and model.jnt_type[joint] != FREE
         and model.jnt_bodyid[joint] not in out
     ]
@@ -65,18 +66,25 @@ def _notes(model: Any, selection: Selection, out: set[int], where: str) -> tuple
         notes.append(f"floating base held: {listed(names)}")
     if selection.ignored:
         notes.append(f"ignored, free bodies: {listed([model.body(body).name for body in selection.ignored])}")
-    for follower, leader in _followers(model):
-        if leader in selection.kept and follower not in selection.kept:
-            pair = joint_label(model, follower), joint_label(model, leader)
-            cost = f"{pair[1]} has its weight as it stands, and lacks its inertia and friction"
-            notes.append(f"{pair[0]} follows {pair[1]}, but is held still here: {cost}")
-    return tuple(notes)
+    return tuple(notes) + _following(model, selection)
 
 
-def _followers(model: Any) -> list[tuple[int, int]]:
-    """Pairs of a joint and the one that it follows."""
+def _following(model: Any, selection: Selection) -> tuple[str, ...]:
+    """Sentences on the joints that follow one of the robot's, and on those that would but are held."""
+    notes, found = [], followed(model)
+    for joint in selection.following:
+        ratio, leader = found[joint].ratio, joint_label(model, found[joint].leader)
+        notes.append(f"{joint_label(model, joint)} moves with {leader}, {ratio:g} times as far")
     which = np.flatnonzero((model.eq_type == JOINT_EQUALITY) & model.eq_active0 & (model.eq_obj2id >= 0))
-    return [(int(model.eq_obj1id[each]), int(model.eq_obj2id[each])) for each in which]
+    for joint, other in zip(model.eq_obj1id[which].tolist(), model.eq_obj2id[which].tolist(), strict=True):
+        if joint in selection.moving or (other not in selection.moving and joint not in selection.hindered):
+            continue
+        first = found[joint].leader if joint in selection.hindered else other
+        name, leader = joint_label(model, joint), joint_label(model, first)
+        reason = f" as {selection.hindered[joint]}" if joint in selection.hindered else ""
+        cost = f"{leader} has its weight as it stands, and lacks its inertia and friction"
+        notes.append(f"{name} follows {leader}, but is held still here{reason}: {cost}")
+    return tuple(notes)
 
 
 def standing(model: Any) -> tuple[Array, str]:
@@ -119,20 +127,12 @@ def _drop_what_refers(spec: Any, model: Any, kept: set[int], out: set[int]) -> N
         spec.delete(element)
     links = _links(model, kept)
     tendons = {tendon.id for tendon in spec.tendons if _acts(model, tendon.id, kept, links, out)}
-    equalities = list(spec.equalities)
-    actuators = list(spec.actuators)
-    for actuator in actuators:
-        target = int(model.actuator_trnid[actuator.id, 0])
-        on_joint = actuator.trntype in JOINT_DRIVES and target in kept
-        on_tendon = actuator.trntype == mujoco.mjtTrn.mjTRN_TENDON and target in tendons
-        if not (on_joint or on_tendon):
-            spec.delete(actuator)
-    for equality in equalities:
-        if not _ties(model, equality.id, kept, links, tendons, out):
-            spec.delete(equality)
-    for tendon in list(spec.tendons):
-        if tendon.id not in tendons:
-            spec.delete(tendon)
+    # What is deleted changes the numbers of all after it: everything is found first.
+    gone = [each for each in spec.actuators if not _drives(model, each, kept, tendons)]
+    gone += [each for each in spec.equalities if not _ties(model, each.id, kept, links, tendons, out)]
+    gone += [each for each in spec.tendons if each.id not in tendons]
+    for element in gone:
+        spec.delete(element)
     names = {model.body(body).name for body in out}
     shapes = {model.geom(geom).name for geom in range(model.ngeom) if int(model.geom_bodyid[geom]) in out}
     for exclude in list(spec.excludes):
@@ -144,6 +144,13 @@ def _drop_what_refers(spec: Any, model: Any, kept: set[int], out: set[int]) -> N
     for looking in (*spec.cameras, *spec.lights):
         if looking.targetbody in names:
             spec.delete(looking)
+
+
+def _drives(model: Any, actuator: Any, kept: set[int], tendons: set[int]) -> bool:
+    """Whether an actuator (MjsActuator) drives a joint that moves, or a tendon that pulls on some."""
+    target = int(model.actuator_trnid[actuator.id, 0])
+    on_joint = actuator.trntype in JOINT_DRIVES and target in kept
+    return on_joint or (actuator.trntype == mujoco.mjtTrn.mjTRN_TENDON and target in tendons)
 
 
 def _acts(model: Any, tendon: int, kept: set[int], links: Array, out: set[int]) -> bool:

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InputError
+from identification.followers import followed
 
 from .assets import compiled_mjcf
-from .limits import VELOCITY, rated_by_numerics, write_numerics
+from .limits import VELOCITY, rated_at_leaders, rated_by_numerics, write_numerics
 from .locking import lock
-from .selection import joint_label, select
-from .urdf import LEAST, Urdf, compiled_urdf, read_urdf, xml_root
+from .selection import WEIGHTLESS, select
+from .urdf import Urdf, compiled_urdf, read_urdf, xml_root
+from .wording import joint_label
 
 Array = NDArray[np.float64]
 
-# kg: what moves and has less than this has no mass, see LEAST.
-WEIGHTLESS = 1e3 * float(LEAST)
 EXPECTED = "XML that MuJoCo loads"
 
 
@@ -79,7 +79,9 @@ def read_model(source: Source) -> Reading:
         selection = select(whole, asked, source.choice.fix_base, leaders)
         notes += lock(spec, whole, selection)
         kept = tuple(names[joint] for joint in selection.kept)
-        rated = _rated(whole, urdf, names, kept)
+        found = followed(whole)
+        led = {names[each]: (names[found[each].leader], found[each].ratio) for each in selection.following}
+        rated = rated_at_leaders(_rated(whole, urdf, names, kept), led)
         write_numerics(spec, rated, kept)
     except InputError as error:
         raise error.located(path) from None

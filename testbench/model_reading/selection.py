@@ -1,13 +1,18 @@
 """Which joints of a model are the robot, and which are held still."""
 
-from collections.abc import Sequence, Set
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from identification.errors import InputError
+from identification.followers import carries, followed, obstacle
+
+from .limits import leaders_range, own_range
+from .urdf import LEAST
+from .wording import joint_label
 
 HINGE_OR_SLIDE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
@@ -15,6 +20,8 @@ JOINT_EQUALITY = int(mujoco.mjtEq.mjEQ_JOINT)
 TENDON_EQUALITY = int(mujoco.mjtEq.mjEQ_TENDON)
 TENDON_DRIVE = int(mujoco.mjtTrn.mjTRN_TENDON)
 JOINT_WRAP = int(mujoco.mjtWrap.mjWRAP_JOINT)
+# kg: what moves and has less than this has no mass, see LEAST.
+WEIGHTLESS = 1e3 * float(LEAST)
 
 
 @dataclass(frozen=True)
@@ -22,17 +29,20 @@ class Selection:
     """Joints by their index in the whole model.
 
     kept: the robot's. held: free joints of a base that is held. ignored: bodies that are taken out with all
-    that they carry.
+    that they carry. following: joints that follow one of the robot's. hindered: why others that would are
+    held, by joint.
     """
 
     kept: tuple[int, ...]
     held: tuple[int, ...]
     ignored: tuple[int, ...]
+    following: tuple[int, ...] = ()
+    hindered: Mapping[int, str] = field(default_factory=dict)
 
-
-def joint_label(model: Any, joint: int) -> str:
-    """A joint's name, or the one that a nameless one is called by."""
-    return model.joint(joint).name or f"joint_{joint + 1}"
+    @property
+    def moving(self) -> tuple[int, ...]:
+        """Joints that are not held still."""
+        return tuple(sorted((*self.kept, *self.following)))
 
 
 def select(
@@ -41,9 +51,10 @@ def select(
     """The robot's joints in a compiled model.
 
     asked: their names. None: all hinges and slides but those of grippers (see ``_of_grippers``), and of
-    what floats beside a robot on a fixed base. A floating base is held where ``fix_base``, or where joints
-    are asked for that it carries. leaders: names of joints that others follow which are no joints of the
-    model. Raises InputError for unknown names, and for a floating base that nobody said to hold.
+    what floats beside a robot on a fixed base. None of them follows another. A floating
+    base is held where ``fix_base``, or where joints are asked for that it carries. leaders: names of joints
+    that others follow which are no joints of the model. Raises InputError for unknown names, and for a
+    floating base that nobody said to hold.
     """
     every = [joint for joint in range(model.njnt) if model.jnt_type[joint] in HINGE_OR_SLIDE]
     floats = {joint: _carried(model, joint) for joint in range(model.njnt) if model.jnt_type[joint] == FREE}
@@ -69,7 +80,33 @@ def select(
         # The chain says what is wrong with that.
         return Selection(tuple(range(model.njnt)), (), ())
     ignored = tuple(int(model.jnt_bodyid[joint]) for joint in floats if joint not in held)
-    return Selection(kept, held, ignored)
+    following, hindered = _led(model, set(kept), ignored)
+    kept = tuple(joint for joint in kept if joint not in following and joint not in hindered)
+    return Selection(kept, held, ignored, following, hindered)
+
+
+def _led(model: Any, kept: set[int], ignored: Sequence[int]) -> tuple[tuple[int, ...], dict[int, str]]:
+    """The joints that follow one of those kept, and why some of them cannot, by joint."""
+    found = {
+        joint: follows
+        for joint, follows in followed(model).items()
+        if follows.leader in kept and model.body_rootid[model.jnt_bodyid[joint]] not in ignored
+    }
+    hindered: dict[int, str] = {}
+    for joint, follows in sorted(found.items(), key=lambda each: len(each[1].through)):
+        stuck = [each for each in follows.through if each in hindered or each not in found]
+        reason = obstacle(model, joint, follows, kept - found.keys())
+        lower, upper = own_range(model, follows.leader)
+        least, most = leaders_range(model, joint, follows)
+        if stuck:
+            hindered[joint] = f"{joint_label(model, stuck[0])} is held"
+        elif reason:
+            hindered[joint] = reason
+        elif model.body_subtreemass[model.jnt_bodyid[joint]] < WEIGHTLESS:
+            hindered[joint] = "it moves nothing with a mass"
+        elif not max(lower, least) < min(upper, most):
+            hindered[joint] = f"its range leaves {joint_label(model, follows.leader)} none"
+    return tuple(sorted(found.keys() - hindered.keys())), hindered
 
 
 def _named(model: Any, asked: Sequence[str], every: Sequence[int]) -> tuple[int, ...]:
@@ -117,7 +154,7 @@ def _of_grippers(model: Any, joints: set[int], leaders: Set[str]) -> set[int]:
     return {
         joint
         for group in merged
-        if not any(_beyond(model, outer, inner) for outer in apart for inner in group)
+        if not any(carries(model, inner, outer) for outer in apart for inner in group)
         for joint in group & joints
     }
 
@@ -129,15 +166,3 @@ def _only_brakes(model: Any, tendon: int) -> bool:
     holds = driven.any() or tied.any() or model.tendon_stiffness[tendon] or model.tendon_limited[tendon]
     brakes = model.tendon_frictionloss[tendon] or model.tendon_damping[tendon]
     return bool(brakes and not holds)
-
-
-def _beyond(model: Any, outer: int, inner: int) -> bool:
-    """Whether a joint is moved by another."""
-    body, other = int(model.jnt_bodyid[outer]), int(model.jnt_bodyid[inner])
-    if body == other:
-        return outer > inner
-    while body > 0:
-        body = int(model.body_parentid[body])
-        if body == other:
-            return True
-    return False

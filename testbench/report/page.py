@@ -97,7 +97,7 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
             for joint, (name, unit) in enumerate(zip(names, units, strict=True))
         ],
         parameters=[
-            {"row": row, "joint": names[row.joint], "needed": needed}
+            {"row": row, "joint": robot.chain.link_names[row.joint], "needed": needed}
             for row, needed in zip(rows, result.needed, strict=True)
         ],
         known=comparison is not None,

@@ -16,11 +16,13 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from identification.errors import InputError
+from identification.followers import Followers
 
 from ..effects import action as rows
 from ..effects.action import Hook
 from . import layout
 from .hooks import hook_table
+from .led import led_memory
 from .mujoco_pointers import check_offsets, data_offsets, installed_control
 from .step import RUNAWAY_SPEED, loop_callback
 
@@ -34,7 +36,8 @@ class Loop:
     plant: its MuJoCo model. substeps: physics steps a control period. rate: Hz, of the controller.
     velocity_pole: of its velocity filter. constants: (CONSTANTS, n). inputs: (N, INPUTS, n).
     pose: (n,) of the links at the start, at rest. hold: (n,) drive torque before the start.
-    windup: (n,) motor less link position at the start. hooks: of the effects.
+    windup: (n,) motor less link position at the start. hooks: of the effects. followers: the plant's joints
+    that follow those n.
     """
 
     plant: Any
@@ -47,6 +50,12 @@ class Loop:
     hold: Array
     windup: Array | float = 0.0
     hooks: tuple[Hook, ...] = ()
+    followers: Followers | None = None
+
+    @property
+    def start(self) -> Array:
+        """Positions of all the plant's joints at the start."""
+        return self.pose if self.followers is None else self.followers.positions(self.pose)
 
 
 def run_loops(loops: Sequence[Loop], threads: int | None) -> list[Array]:
@@ -61,7 +70,7 @@ def run_loops(loops: Sequence[Loop], threads: int | None) -> list[Array]:
     for index, loop in enumerate(loops):
         contexts[index] = _context(loop, arrays[index])
         slots.view(np.int64)[index, 0, 0] = contexts.ctypes.data + index * layout.CONTEXT.itemsize
-        batch.bind("qpos")[index] = loop.pose
+        batch.bind("qpos")[index] = loop.start
     # One step more than there are periods: it logs the last sample.
     steps = np.array([(len(loop.inputs) - 1) * loop.substeps + 1 for loop in loops])
     offsets = data_offsets()
@@ -114,12 +123,14 @@ def _arrays(loop: Loop) -> dict[str, Any]:
         "bus": bus,
         "hooks": table,
         "edges": edges,
+        "led": led_memory(loop.followers),
     }
 
 
 def _context(loop: Loop, arrays: dict[str, Any]) -> tuple[Any, ...]:
     """A row of CONTEXT."""
     samples, _, n = loop.inputs.shape
-    addresses = (array.ctypes.data for array in arrays.values())
+    addresses = (array.ctypes.data if array.size else 0 for array in arrays.values())
     timestep = loop.plant.opt.timestep
-    return (0, loop.substeps, n, samples, -1, timestep, loop.rate, loop.velocity_pole, *addresses)
+    head = (0, loop.substeps, n, samples, -1, timestep, loop.rate, loop.velocity_pole)
+    return (*head, *addresses, len(loop.start))

@@ -82,7 +82,7 @@ def middle_pose(lower: Array, upper: Array) -> Array:
 def diagonal_inertia(chain: Chain, parameters: Array, pose: Array) -> Array:
     """Diagonal (n,) of the mass matrix at a pose (n,), kg·m² (kg)."""
     n = chain.joints
-    columns = (PER_JOINT * np.arange(n)[:, None] + np.arange(ARMATURE + 1)).ravel()
+    columns = (PER_JOINT * np.arange(chain.links)[:, None] + np.arange(ARMATURE + 1)).ravel()
     still = np.zeros((n, n))
     inertial = [
         regressor(chain, np.tile(pose, (n, 1)), still, ddq, columns, threads=1) for ddq in (np.eye(n), still)

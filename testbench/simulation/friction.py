@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.kinematics import kernel
 
-from .mujoco_pointers import solve_mass_matrix
+from .led import solve_at_joints
 
 Array = NDArray[np.float64]
 
@@ -33,25 +33,26 @@ def coulomb_friction(
     coulomb: Array,
     friction: Array,
     work: Array,
+    led: int = 0,
 ) -> None:
     """Write the friction torque lambda (n,) of this step into ``friction``.
 
     model, data: addresses; data holds the factor of M. velocity, force, coulomb: (n,).
-    work: (2 n + 2, n) scratch.
+    work: (2 n + 2, n) scratch. led: address as of ``solve_at_joints``.
     """
     n = velocity.size
     load, acceleration = work[0], work[1]
     for j in range(n):
         friction[j] = coulomb[j] * np.sign(velocity[j])
         load[j] = force[j] - friction[j]
-    solve_mass_matrix(model, data, acceleration.ctypes.data, load.ctypes.data, np.int32(1))
+    solve_at_joints(led, model, data, acceleration.ctypes.data, load.ctypes.data, 1)
     sliding = True
     for j in range(n):
         after = velocity[j] + timestep * acceleration[j]
         # True exactly when sgn(v+) is the sign the friction was taken with.
         sliding = sliding and (coulomb[j] == 0.0 or velocity[j] * after > 0.0)
     if not sliding:
-        _gauss_seidel(model, data, timestep, velocity, acceleration, coulomb, friction, work[2:])
+        _gauss_seidel(model, data, timestep, velocity, acceleration, coulomb, friction, work[2:], led)
 
 
 @kernel
@@ -64,6 +65,7 @@ def _gauss_seidel(
     coulomb: Array,
     friction: Array,
     work: Array,
+    led: int,
 ) -> None:
     """Projected Gauss-Seidel from the sliding guess in ``friction``, whose acceleration is given."""
     n = velocity.size
@@ -74,7 +76,7 @@ def _gauss_seidel(
         unit[j, j] = 1.0
         if coulomb[j] > largest:
             largest = coulomb[j]
-    solve_mass_matrix(model, data, inverse.ctypes.data, unit.ctypes.data, np.int32(n))
+    solve_at_joints(led, model, data, inverse.ctypes.data, unit.ctypes.data, n)
     for _ in range(SWEEPS):
         change = 0.0
         for j in range(n):

@@ -19,6 +19,7 @@ from scipy.stats import qmc
 
 from identification.chain import Chain
 from identification.errors import InputError
+from identification.followers import followed
 from identification.inverse_dynamics import inverse_dynamics, mass_matrices
 from identification.parameters import PER_JOINT, VISCOUS
 
@@ -70,8 +71,8 @@ def gains(
 ) -> Gains:
     """The tracker's gains: those given, else by bandwidth and damping ratio from the inertia over the range.
 
-    parameters: (14 n,). lower, upper: (n,), infinite where a joint turns freely. timestep: s, of the physics.
-    Raises InputError for gains that do not fit the joints, and for a joint that moves no inertia.
+    parameters: (14 links,). lower, upper: (n,), infinite where a joint turns freely. timestep: s, of the
+    physics. Raises InputError for gains that do not fit the joints, and for a joint that moves no inertia.
     """
     n = chain.joints
     inertia = inertia_over_range(chain, parameters, lower, upper)
@@ -81,7 +82,7 @@ def gains(
     late = 1 / (2 * np.pi * options.cutoff) + 1 / options.rate + timestep
     typical = np.sqrt(smallest * largest)
     kd = within_crossover(2 * ratio * asked * typical, inertia, LATENESS / late)
-    damping = np.maximum(kd, parameters.reshape(n, PER_JOINT)[:, VISCOUS])
+    damping = np.maximum(kd, parameters.reshape(-1, PER_JOINT)[:n, VISCOUS])
     w = np.minimum(damping / (2 * ratio * typical), asked)
     found = Gains(w * damping / (2 * ratio), kd, w / (2 * np.pi), smallest, largest)
     unknown = np.full(n, np.nan)
@@ -179,9 +180,11 @@ def servo_gains(model: Any) -> Gains:
             joint = int(model.actuator_trnid[actuator, 0])
             kp[joint] += gear**2 * gain[0]
             kd[joint] -= gear**2 * bias[2]
-    for joint in np.flatnonzero(kp <= 0).tolist():
+    found = followed(model)
+    own = [joint for joint in range(n) if joint not in found]
+    for joint in [joint for joint in own if kp[joint] <= 0]:
         name = model.joint(joint).name or f"joint_{joint + 1}"
         expected = "a position actuator on every joint; else choose pd_with_model_feedforward or pd"
         raise InputError("simulation", "controller model", expected, f"none on {name}")
-    unknown = np.full(n, np.nan)
-    return Gains(kp, kd, unknown, unknown, unknown)
+    unknown = np.full(len(own), np.nan)
+    return Gains(kp[own], kd[own], unknown, unknown, unknown)

@@ -67,6 +67,8 @@ CONTEXT = np.dtype(
         ("bus", np.int64),
         ("hooks", np.int64),
         ("edges", np.int64),
+        ("led", np.int64),
+        ("links", np.int64),
     ]
 )
 context_pointer = pointer_to(numba.from_dtype(CONTEXT))

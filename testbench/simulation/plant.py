@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.chain import Chain
 from identification.errors import InputError
 
 from .bare_model import bare_model
@@ -49,16 +50,22 @@ def plant_model(model: Any, timestep: float) -> Any:
     return plant
 
 
-def add_to_diagonal(plant: Any, inertia: Array) -> None:
-    """Add to the diagonal of the plant's mass matrix, in place; inertia: (n,) kg·m² (kg)."""
+def add_to_diagonal(plant: Any, inertia: Array, links: NDArray[np.int64]) -> None:
+    """Add to the diagonal of the plant's mass matrix, in place; inertia: (n,) kg·m² (kg), at these links."""
     if np.any(inertia):
-        plant.dof_armature[:] += inertia
+        plant.dof_armature[links] += inertia
         # MuJoCo keeps the inertia of a joint with nothing behind it, rotor included, as a constant.
         mujoco.mj_setConst(plant, mujoco.MjData(plant))
 
 
 def resting_pose(
-    plant: Any, reference: Array, feedforward: Array, kp: Array, torque_limit: Array, standstill: Standstill
+    plant: Any,
+    chain: Chain,
+    reference: Array,
+    feedforward: Array,
+    kp: Array,
+    torque_limit: Array,
+    standstill: Standstill,
 ) -> tuple[Array, Array, Array]:
     """Pose of the links where the controller just holds the arm, windup and torque there; each (n,).
 
@@ -69,10 +76,10 @@ def resting_pose(
     pose = reference.copy()
     data = mujoco.MjData(plant)
     for _ in range(ITERATIONS):
-        data.qpos[:] = pose
+        data.qpos[:] = chain.link_positions(pose)
         mujoco.mj_fwdPosition(plant, data)
         mujoco.mj_fwdVelocity(plant, data)
-        static_load = data.qfrc_bias - data.qfrc_passive
+        static_load = chain.at_joints((data.qfrc_bias - data.qfrc_passive)[None])[0]
         torque = static_load - standstill.torque(pose, static_load)
         windup = standstill.windup(pose, torque)
         # What the encoder reads beyond the link's position.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InputError
+from identification.parameters import COULOMB, PER_JOINT, VISCOUS
 
 from ..log import Controller, Recording
 from ..robot import Robot
@@ -51,7 +52,7 @@ def simulate(
     sample when the nominal model is right. The logged torque of sample k is the drive's mean over
     the control period centred on it, (tau_{k-1} + tau_k) / 2, the torque that goes with the motion
     at sample k (``torque_command`` is tau_k). ``truth`` has position, velocity, acceleration, torque,
-    friction_torque (N, n) and parameters (14 n,); between them the rigid-body dynamics hold to first
+    friction_torque (N, n) and parameters (14 links,); between them the rigid-body dynamics hold to first
     order in ``physics_timestep``.
 
     Raises InputError for options that do not fit the robot, models that cannot share a batch, a
@@ -123,14 +124,14 @@ class _Run:
         unmodelled = put_in(options.effects, robot, plant, step, controller.rate, beside)
         # Friction acts on the motor, where that moves apart from the link.
         on_motor = np.where(unmodelled.split, damped.implicit, 0.0)
-        add_to_diagonal(plant, damped.implicit - on_motor)
+        add_to_diagonal(plant, damped.implicit - on_motor, robot.chain.in_tree[:n])
         limit = nominal.limits.torque
         pose, windup, self.hold = resting_pose(
-            plant, reference.position[0], at_rest, self.kp, limit, unmodelled.standstill
+            plant, robot.chain, reference.position[0], at_rest, self.kp, limit, unmodelled.standstill
         )
         constants = np.empty((layout.CONSTANTS, n))
-        constants[layout.VISCOUS] = np.asarray(robot.model.dof_damping).reshape(n, -1)[:, 0]
-        constants[layout.COULOMB] = robot.model.dof_frictionloss
+        own = robot.parameters.reshape(-1, PER_JOINT)[:n]
+        constants[layout.VISCOUS], constants[layout.COULOMB] = own[:, VISCOUS], own[:, COULOMB]
         constants[layout.KP], constants[layout.KD] = self.kp, self.kd
         constants[layout.TORQUE_LIMIT] = limit
         constants[layout.ENCODER_QUANTUM] = encoder_quantum(sensors, robot.chain.is_slide)
@@ -151,6 +152,7 @@ class _Run:
             hold=self.hold,
             windup=windup,
             hooks=unmodelled.hooks,
+            followers=robot.chain.followers,
         )
 
     def _noise(self, channel: int) -> Array:

@@ -57,7 +57,7 @@ def resolved(options: SimulationOptions, robot: Robot) -> Resolved:
     half, and with that of second order, up to h D / I = 2; beyond, 1 - I / (h D), which ends the motion
     within a step as the friction does. I is the joint's smallest inertia over the range.
     """
-    viscous = robot.parameters.reshape(-1, PER_JOINT)[:, VISCOUS]
+    viscous = robot.parameters.reshape(-1, PER_JOINT)[: robot.joints, VISCOUS]
     explicit = np.zeros(robot.joints)
     if not np.any(viscous > 0):
         return Resolved(options, explicit)

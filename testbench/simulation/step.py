@@ -16,7 +16,7 @@ from . import layout
 from .controller import pd_command
 from .friction import coulomb_friction
 from .hooks import run_stage
-from .mujoco_pointers import solve_mass_matrix
+from .led import APPLIED, BIAS, PASSIVE, POSITION, VELOCITY, begin_step, end_step, solve_at_joints
 from .sensors import encoder_reading
 from .transmission import motor_friction, spring_torque
 
@@ -41,17 +41,20 @@ def loop_callback(
         if place == 0:
             return
         context = carray(layout.context_pointer(place), 1)[0]
-        n = context.joints
+        m, led = context.links, context.led
+        position = carray(float_pointer(carray(address_pointer(data + qpos), 1)[0]), m)
+        velocity = carray(float_pointer(carray(address_pointer(data + qvel), 1)[0]), m)
+        bias = carray(float_pointer(carray(address_pointer(data + qfrc_bias), 1)[0]), m)
+        passive = carray(float_pointer(carray(address_pointer(data + qfrc_passive), 1)[0]), m)
+        applied = carray(float_pointer(carray(address_pointer(data + qfrc_applied), 1)[0]), m)
+        if led == 0:
+            closed_loop_step(context, model, data, position, velocity, bias, passive, applied)
+            return
+        own = begin_step(led, model, data, position, velocity, bias, passive)
         closed_loop_step(
-            context,
-            model,
-            data,
-            carray(float_pointer(carray(address_pointer(data + qpos), 1)[0]), n),
-            carray(float_pointer(carray(address_pointer(data + qvel), 1)[0]), n),
-            carray(float_pointer(carray(address_pointer(data + qfrc_bias), 1)[0]), n),
-            carray(float_pointer(carray(address_pointer(data + qfrc_passive), 1)[0]), n),
-            carray(float_pointer(carray(address_pointer(data + qfrc_applied), 1)[0]), n),
+            context, model, data, own[POSITION], own[VELOCITY], own[BIAS], own[PASSIVE], own[APPLIED]
         )
+        end_step(led, model, data, position, velocity, bias, passive, applied)
 
     return control
 
@@ -69,7 +72,8 @@ def closed_loop_step(
 ) -> None:
     """Set the applied torque of one physics step: drive less friction; at a tick, sense, control and log.
 
-    context: record of CONTEXT. model, data: addresses. position to applied: (n,) fields of mjData.
+    context: record of CONTEXT. model, data: addresses. position to applied: (n,) fields of mjData, or what
+    ``begin_step`` makes of them.
 
     The steps v+ = v + h a(q), q+ = q + h v+ are those of the leapfrog q(t + h/2) = q(t) + h/2 v(t),
     v(t + h) = v(t) + h a(q(t + h/2)), ... (Hairer, Lubich & Wanner, "Geometric Numerical Integration",
@@ -124,7 +128,7 @@ def closed_loop_step(
         force[j] = applied[j] + passive[j] - bias[j]
         # The solution for the links overwrites it.
         bus[j, rows.FRICTION] = coulomb[j]
-    coulomb_friction(model, data, h, velocity, force, level, coulomb, work[layout.SCRATCH :])
+    coulomb_friction(model, data, h, velocity, force, level, coulomb, work[layout.SCRATCH :], context.led)
     acceleration = work[layout.SCRATCH + 1]
     for j in range(n):
         smooth = bus[j, rows.VISCOUS] * bus[j, rows.VELOCITY] + bus[j, rows.SMOOTH_FRICTION]
@@ -187,7 +191,7 @@ def _move_motor(
     unit, column = work[4], work[layout.SCRATCH]
     unit[:] = 0.0
     unit[j] = 1.0
-    solve_mass_matrix(model, data, column.ctypes.data, unit.ctypes.data, np.int32(1))
+    solve_at_joints(context.led, model, data, column.ctypes.data, unit.ctypes.data, 1)
     speed = memory[layout.MOTOR_VELOCITY, j]
     carried = spring_torque(
         bus[j, rows.POSITION] - bus[j, rows.LINK_POSITION],
@@ -243,7 +247,7 @@ def _log(
         output[layout.DRIVE, j] = drive
         output[layout.EFFECT_TORQUE, j] = bus[j, rows.MOTOR_TORQUE] + bus[j, rows.LINK_TORQUE]
     acceleration = work[4]
-    solve_mass_matrix(model, data, acceleration.ctypes.data, load.ctypes.data, np.int32(1))
+    solve_at_joints(context.led, model, data, acceleration.ctypes.data, load.ctypes.data, 1)
     for j in range(n):
         if not constants[layout.SPLIT, j] > 0.0:
             output[layout.ACCELERATION, j] = acceleration[j]

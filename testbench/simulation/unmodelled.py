@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InputError
+from identification.parameters import ARMATURE, PER_JOINT
 
 from ..effects import effect
 from ..effects.action import Action, Hook, SimulatedRobot, Stage
@@ -64,7 +65,8 @@ def put_in(
     for a split joint without rotor inertia.
     """
     n = robot.joints
-    armature, split = np.array(robot.model.dof_armature), np.zeros(n, dtype=bool)
+    armature = robot.parameters.reshape(-1, PER_JOINT)[:n, ARMATURE].copy()
+    split = np.zeros(n, dtype=bool)
     hooks: list[Hook] = []
     if injections:
         middle = middle_pose(robot.limits.lower, robot.limits.upper)
@@ -84,7 +86,7 @@ def put_in(
     # A rigid joint has no transmission to act on.
     kept = tuple(hook for hook in hooks if hook.stage is not Stage.TRANSMISSION or split[hook.joint])
     if split.any():
-        plant.dof_armature[split] = 0.0
+        plant.dof_armature[split[robot.chain.leaders]] = 0.0
         # MuJoCo keeps the inertia of a joint with nothing behind it, rotor included, as a constant.
         mujoco.mj_setConst(plant, mujoco.MjData(plant))
     frequency = 2 * np.pi * CONTACT_FREQUENCY
