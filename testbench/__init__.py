@@ -9,24 +9,30 @@ from typing import TYPE_CHECKING, Any
 from identification.errors import InputError
 
 from .api.diagnosis import DiagnosisResult, Prediction, diagnose, predict
+from .api.drives import DriveDiagnosis, DriveEstimate, PositionPrediction
 from .api.export import export
 from .api.identification import identify
 from .api.logs import check, load_robot, read_logs
 from .api.motion import Motion, excite, simulate
 
 if TYPE_CHECKING:
+    from .drives.stated import StatedDrive
     from .log import Recording
     from .results import IdentificationResult
     from .robot import Robot
 
 __all__ = [
     "DiagnosisResult",
+    "DriveDiagnosis",
+    "DriveEstimate",
     "IdentificationResult",
     "InputError",
     "Motion",
+    "PositionPrediction",
     "Prediction",
     "Recording",
     "Robot",
+    "StatedDrive",
     "check",
     "diagnose",
     "excite",
@@ -39,7 +45,12 @@ __all__ = [
 ]
 
 # Types whose modules load numpy, h5py or MuJoCo.
-_LOADED_LATE = {"IdentificationResult": "results", "Recording": "log", "Robot": "robot"}
+_LOADED_LATE = {
+    "IdentificationResult": "results",
+    "Recording": "log",
+    "Robot": "robot",
+    "StatedDrive": "drives.stated",
+}
 
 
 def __getattr__(name: str) -> Any:

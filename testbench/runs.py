@@ -44,9 +44,10 @@ def opened_runs(
     lines = said(opened, robot.path)
     recordings = []
     for path, each in zip(paths, opened, strict=True):
-        recording, note = _with_torque(in_model_order(each.recording, robot.joint_names), path)
+        recording = in_model_order(each.recording, robot.joint_names)
         check_joints(recording, robot.joint_names, path)
-        recordings.append(in_radians(recording, robot))
+        recording, note = _with_torque(in_radians(recording, robot), path, robot)
+        recordings.append(recording)
         lines += note
     for later, path in enumerate(paths):
         for earlier in range(later):
@@ -92,19 +93,19 @@ def read_motion(path: Path, chain: Chain, limits: Limits, map_path: Path | None 
     return opened.recording
 
 
-def _with_torque(recording: Recording, path: Path) -> tuple[Recording, list[str]]:
+def _with_torque(recording: Recording, path: Path, robot: Robot) -> tuple[Recording, list[str]]:
     """The recording with torque, of its drives' signal where none was measured, and a line that says so.
 
     Raises InputError, saying what is missing, where there is neither.
     """
     if recording.has_torque:
         return recording, []
-    found = torque_of_signal(recording, path)
+    found = torque_of_signal(recording, path, robot)
     if found is not None:
         torque, line = found
         return replace(recording, torque=torque), [line]
     expected = (
-        "measured torque, or a signed current, duty or voltage with its constant (torque_constant or the "
+        "measured torque, or a current, duty or voltage with its constant (torque_constant or the "
         "drive's torque_per_unit in a map)"
     )
     raise InputError(path, "joint/torque", expected, _instead(recording))
@@ -117,7 +118,7 @@ def _instead(recording: Recording) -> str:
         for name in SIGNALS
         if getattr(recording, name) is not None
     ]
-    if recording.current is not None and "current" not in recording.unsigned:
+    if recording.current is not None:
         found.append("no torque constant of every joint")
     if recording.reference_position is not None:
         found.append("reference positions")

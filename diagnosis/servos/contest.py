@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.output_error.fit import SMALLEST, Fit, Problem
+from identification.output_error.fit import Fit
 from identification.output_error.frozen import frozen_fit
 from identification.output_error.plant import Limb
+from identification.output_error.problem import SMALLEST, Problem
 from identification.output_error.servo_run import ServoRun
 from identification.output_error.unknowns import Unknowns
 

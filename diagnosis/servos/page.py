@@ -60,7 +60,7 @@ def write_servo_report(
             ],
             unknown=100 * diagnosis.unknown,
             beside=words.beside(diagnosis),
-            gap=plot("gap", "", _gap(diagnosis)),
+            gap=plot("gap", "", gap_by_joint(diagnosis)),
             motions=[plot(f"run-{index}", run.name, _run(diagnosis, run)) for index, run in enumerate(runs)],
             experiment=diagnosis.experiment,
             not_in_mjcf=list(not_in_mjcf),
@@ -84,7 +84,7 @@ def _tiles(diagnosis: ServoDiagnosis) -> list[Tile]:
     return tiles
 
 
-def _gap(diagnosis: ServoDiagnosis) -> go.Figure:
+def gap_by_joint(diagnosis: ServoDiagnosis) -> go.Figure:
     """Position error of each joint by stage, mrad, and what the encoders' quanta leave."""
     names = list(diagnosis.found.robot.joint_names)
     stages = (diagnosis.given, diagnosis.parameters, diagnosis.corrected)

@@ -67,6 +67,69 @@ def drive_torque(
 
 
 @kernel
+def drive_slopes(
+    own: Array,
+    kp: float,
+    kd: float,
+    mean: float,
+    position: float,
+    speed: float,
+    acceleration: float,
+    middle: float,
+    h: float,
+    out: Array,
+) -> float:
+    """Derivatives of damping times the middle speed less offset by the joint's row into ``out`` (WIDTH,), and
+    minus its derivative by the mean command, which is that by the position.
+
+    Of ``drive_torque`` at full strength with the encoder at the motor; middle: rad/s, of the step.
+    """
+    stiffness, distance, side = own[KP_SCALE] * kp, mean - position, 0.0
+    band = own[DEADBAND]
+    if band > 0.0:
+        error = distance - 0.5 * h * speed
+        side = 1.0 if error > 0 else -1.0
+        distance -= band * side
+        if abs(error) <= band:
+            stiffness = 0.0
+    out[KP_SCALE] = kp * (0.5 * h * middle - distance) if stiffness > 0.0 else 0.0
+    out[KD_SCALE], out[DEADBAND] = kd * middle, stiffness * side
+    damping = own[KD_SCALE] * kd + 0.5 * h * stiffness
+    expected = stiffness * distance - damping * (speed + 0.5 * h * acceleration)
+    most = own[KP_SCALE] * own[STALL]
+    if abs(expected) > most:
+        side = 1.0 if expected > 0 else -1.0
+        out[KP_SCALE], out[STALL] = -side * own[STALL], -side * own[KP_SCALE]
+        out[KD_SCALE] = out[DEADBAND] = stiffness = damping = 0.0
+        expected = side * most
+    out[BACK_EMF] = middle
+    expected -= own[BACK_EMF] * (speed + 0.5 * h * acceleration)
+    if abs(expected) > own[LIMIT]:
+        out[KP_SCALE] = out[KD_SCALE] = out[DEADBAND] = out[STALL] = out[BACK_EMF] = stiffness = 0.0
+        out[LIMIT] = -1.0 if expected > 0 else 1.0
+    return stiffness
+
+
+@kernel
+def friction_slopes(
+    own: Array, position: float, speed: float, load: float, share: float, out: Array
+) -> tuple[float, float, float]:
+    """Derivatives of share times ``friction_level`` by the joint's row into ``out`` (WIDTH,), and by the
+    position, the speed and the load."""
+    if friction_level(own, position, speed, load) <= 0.0:
+        return 0.0, 0.0, 0.0
+    slip = speed / own[STRIBECK_VELOCITY]
+    peak = np.exp(-slip * slip)
+    by_slip = -2.0 * slip * own[EXTRA] * peak
+    out[12], out[EXTRA], out[LOAD_FRICTION] = share, share * peak, share * abs(load)
+    out[FRICTION_SLOPE] = share * (position - own[FRICTION_CENTRE])
+    out[FRICTION_CENTRE] = -share * own[FRICTION_SLOPE]
+    out[STRIBECK_VELOCITY] = -share * by_slip * slip / own[STRIBECK_VELOCITY]
+    by_load = own[LOAD_FRICTION] if load > 0 else -own[LOAD_FRICTION]
+    return share * own[FRICTION_SLOPE], share * by_slip / own[STRIBECK_VELOCITY], share * by_load
+
+
+@kernel
 def friction_level(own: Array, position: float, motor_speed: float, load: float) -> float:
     """Highest friction, N·m, at a position and the motor's speed, with the load that the gearbox carries."""
     slip = motor_speed / own[STRIBECK_VELOCITY]

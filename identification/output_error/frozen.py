@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chain import Chain
-from .fit import GAIN, Fit, Problem, summed, trial_steps
+from .fit import GAIN, Fit, fitted, trial_steps
+from .problem import Problem, summed
 from .servo_run import ServoRun
 from .unknowns import Unknowns
 
@@ -67,7 +68,7 @@ def frozen_fit(
                 break
         weights = problem.weights(values)
     information = _linearised(problem, values, weights, derivatives, fresh)[0]
-    return problem.fitted(values, information, taken)
+    return fitted(problem, values, information, taken)
 
 
 def _linearised(

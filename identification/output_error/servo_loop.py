@@ -28,6 +28,9 @@ STEP = 2.5e-3
 RUNAWAY = 1e4
 # Share of the torque that the deepest sag leaves.
 LEAST_STRENGTH = 0.1
+# What a trace has of each joint in each step: where it begins, the speed at its end, and what acts in it.
+TRACED = ("position", "velocity", "acceleration", "new", "mean", "level", "share", "load", "damping")
+AT, SPEED, BEFORE, NEW, MEAN, LEVEL, SHARE, LOAD, DAMPED = range(len(TRACED))
 
 
 @dataclass(frozen=True)
@@ -69,8 +72,9 @@ def simulate(
     tables: (C, n, WIDTH). rate: Hz, of the command. Where a candidate runs away, or has no positive mass
     matrix, the rest of its window is NaN. The result does not depend on the number of threads.
     """
-    substeps = max(1, int(np.ceil(1 / (rate * step) - 1e-9)))
+    substeps = substeps_of(rate, step)
     held = {id(window.command): _summed(window.command, rate) for window in windows}
+    untraced = np.empty((0, chain.joints, len(TRACED) + chain.joints))
     out = [
         [Simulated(*np.full((3, w.stop - w.start, chain.joints), np.nan)) for w in windows] for _ in tables
     ]
@@ -81,7 +85,7 @@ def simulate(
         _simulate(
             *chain.arrays, np.ascontiguousarray(tables[candidate]), w.command, held[id(w.command)],
             w.kp, w.kd, w.start, rate, substeps, w.position, w.velocity,
-            into.position, into.velocity, into.torque,
+            into.position, into.velocity, into.torque, untraced,
         )  # fmt: skip
 
     work = [(candidate, window) for candidate in range(len(tables)) for window in range(len(windows))]
@@ -93,6 +97,27 @@ def simulate(
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(one, work))
     return out
+
+
+def traced(chain: Chain, table: Array, window: Window, rate: float) -> tuple[Simulated, Array]:
+    """A window simulated with a table (n, WIDTH) that has no play, and its trace (steps, n, TRACED and n).
+
+    After the figures of TRACED follows the row of the matrix that the step solves, M + h/2 D.
+    """
+    samples, n, substeps = window.stop - window.start, chain.joints, substeps_of(rate, STEP)
+    out = Simulated(*np.full((3, samples, n), np.nan))
+    trace = np.full(((samples - 1) * substeps, n, len(TRACED) + n), np.nan)
+    _simulate(
+        *chain.arrays, np.ascontiguousarray(table), window.command, _summed(window.command, rate),
+        window.kp, window.kd, window.start, rate, substeps, window.position, window.velocity,
+        out.position, out.velocity, out.torque, trace,
+    )  # fmt: skip
+    return out, trace
+
+
+def substeps_of(rate: float, step: float) -> int:
+    """Steps of the simulation in a sample of a drive at a rate, Hz; step: s, the longest."""
+    return max(1, int(np.ceil(1 / (rate * step) - 1e-9)))
 
 
 def _summed(command: Array, rate: float) -> Array:
@@ -111,6 +136,29 @@ def _held(command: Array, total: Array, joint: int, time: float, rate: float) ->
     index = int(np.floor(at + 1e-9))
     index = 0 if index < 0 else (last if index > last else index)
     return total[index, joint] + command[index, joint] * (at - index) / rate
+
+
+@kernel
+def _note(
+    row: Array,
+    q: Array,
+    v: Array,
+    a: Array,
+    new: Array,
+    mean: Array,
+    level: Array,
+    share: Array,
+    load: Array,
+    damping: Array,
+    mass: Array,
+) -> None:
+    """A step's figures into its row (n, TRACED and n) of the trace."""
+    for j in range(row.shape[0]):
+        row[j, AT], row[j, SPEED], row[j, BEFORE], row[j, NEW] = q[j], v[j], a[j], new[j]
+        row[j, MEAN], row[j, LEVEL], row[j, SHARE] = mean[j], level[j], share[j]
+        row[j, LOAD], row[j, DAMPED] = load[j], damping[j]
+        for i in range(row.shape[0]):
+            row[j, DAMPED + 1 + i] = mass[j, i]
 
 
 @kernel
@@ -134,6 +182,7 @@ def _simulate(
     out_position: Array,
     out_velocity: Array,
     out_torque: Array,
+    trace: Array,
 ) -> None:
     n, samples = is_slide.size, out_position.shape[0]
     h = 1.0 / (rate * substeps)
@@ -153,7 +202,7 @@ def _simulate(
     q[:n], v[:n] = position, velocity
     new, rhs = np.empty(size), np.empty(size)
     u, level, share, play = np.zeros(n), np.empty(n), np.zeros(n), np.zeros(n)
-    offset, damping, load, goal = np.empty(n), np.empty(n), np.zeros(n), np.empty(n)
+    offset, damping, load, goal, followed = np.empty(n), np.empty(n), np.zeros(n), np.empty(n), np.empty(n)
     middle, speed, bias, scratch = np.empty(n), np.zeros(n), np.empty(n), np.empty((n, SCRATCH))
     mass, factor = np.empty((size, size)), np.empty((size, size))
     mass_and_bias(
@@ -192,6 +241,7 @@ def _simulate(
                         mean = goal[j]
                     if table[j, COMMAND_STEP] > 0.0:
                         mean = table[j, COMMAND_STEP] * np.rint(mean / table[j, COMMAND_STEP])
+                    followed[j] = mean
                     strength = max(LEAST_STRENGTH, 1.0 - table[j, SAG] * total_torque)
                     # Where the encoder sees the link, the motor's speed is not what the servo damps.
                     seen = j if table[j, ENCODER_AFTER] > 0.0 else d
@@ -221,6 +271,9 @@ def _simulate(
                     play,
                 ):
                     return
+                if trace.shape[0] > 0:
+                    row = trace[(k - 1) * substeps + s]
+                    _note(row, q, v, a, new, followed, level, share, load, damping, mass)
                 for j in range(n):
                     d = drive[j]
                     mean_speed = 0.5 * (v[d] + new[d])

@@ -111,14 +111,16 @@ class Unknowns:
 class Knowledge:
     """Prior of the drives, (n,) each.
 
-    gain_spread: relative standard deviation of kp and of kd. delay_lower, delay_upper: s. limit_spread:
-    relative, of the torque limit; 0 where it is exact, or never reached. stall_spread: likewise, of the
-    back EMF of a servo that sets a voltage. torque_scale, speed_scale: N·m and rad/s typical of
-    the runs. inertia: kg·m² that each joint moves, without its rotor. centre, reach: rad, the middle of each
-    joint's motion and its deviation about it. effects: of EFFECTS, those that each joint may have.
+    gain_spread: relative standard deviation of kp and of kd; ratio_spread: that of kd over kp. delay_lower,
+    delay_upper: s. limit_spread: relative, of the torque limit; 0 where it is exact, or never reached.
+    stall_spread: likewise, of the back EMF of a servo that sets a voltage. torque_scale, speed_scale: N·m and
+    rad/s typical of the runs. inertia: kg·m² that each joint moves, without its rotor. centre, reach: rad,
+    the middle of each joint's motion and its deviation about it. effects: of EFFECTS, what each joint may
+    have.
     """
 
     gain_spread: Array
+    ratio_spread: float
     delay_lower: Array
     delay_upper: Array
     limit_spread: Array
@@ -153,9 +155,7 @@ def unknowns(chain: Chain, table: Array, known: Knowledge) -> Unknowns:
         build.of_joint("coulomb", "N·m", joint, COULOMB, max(own[COULOMB], known.torque_scale[joint]))
         width = OFFSET_SHARE * known.torque_scale[joint]
         build.of_joint("offset", "N·m", joint, OFFSET, width, (-np.inf, np.inf))
-        for name, column in (("kp_scale", KP_SCALE), ("kd_scale", KD_SCALE)):
-            if known.gain_spread[joint] > 0:
-                build.of_joint(name, "-", joint, column, known.gain_spread[joint], GAIN_BOUNDS)
+        build.of_gains(joint, float(known.gain_spread[joint]), known.ratio_spread)
         if "load_dependent_friction" in known.effects:
             bounds = (0.0, MOST_LOAD)
             build.of_joint("load_friction", "-", joint, LOAD_FRICTION, LOAD_SHARE, bounds)
@@ -209,6 +209,20 @@ class Builder:
         mean = float(self._origin[joint, column])
         self._origin[joint, column] = 0.0
         self.add(name, unit, joint, direction, mean, deviation, bounds)
+
+    def of_gains(self, joint: int, spread: float, ratio_spread: float) -> None:
+        """Scales of both gains, each known to a spread, their ratio to another; nothing where they are exact.
+
+        Their correlation is r = 1 - ratio_spread² / (2 spread²), none below zero. So the scale of kd is
+        r (kp_scale - 1) + kd_scale, and kd_scale is independent of kp_scale.
+        """
+        if spread == 0:
+            return
+        shared = max(0.0, 1 - 0.5 * (ratio_spread / spread) ** 2)
+        self.of_joint("kp_scale", "-", joint, KP_SCALE, spread, GAIN_BOUNDS)
+        self._rows[-1][3][joint, KD_SCALE] = shared
+        self.of_joint("kd_scale", "-", joint, KD_SCALE, spread * np.sqrt(1 - shared**2), GAIN_BOUNDS)
+        self._origin[joint, KD_SCALE] = -shared
 
     def of_voltage(self, joint: int, known: Knowledge) -> None:
         """Back EMF of a drive that sets a voltage, within what is known of it."""

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
+
+from identification.errors import InputError
 
 from ..blas import single_blas_thread
 from ..html_table import html_table
+from .drives import DriveDiagnosis, DriveEstimate, PositionPrediction, diagnose_position, predict_position
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
 
     from ..log import Recording
     from ..robot import Robot
+    from .drives import Stated
 
     Array = NDArray[np.float64]
 
@@ -139,6 +143,23 @@ class Prediction:
         )
 
 
+@overload
+def diagnose(
+    robot: Robot,
+    runs: Mapping[str, Recording],
+    *,
+    without: Sequence[str] = (),
+    cutoff: float | None = None,
+    payloads: Mapping[str, float] | None = None,
+) -> DiagnosisResult: ...
+
+
+@overload
+def diagnose(
+    robot: Robot, runs: Mapping[str, Recording], *, without: Sequence[str] = (), drive: Stated
+) -> DriveDiagnosis: ...
+
+
 @single_blas_thread()
 def diagnose(
     robot: Robot,
@@ -147,8 +168,11 @@ def diagnose(
     without: Sequence[str] = (),
     cutoff: float | None = None,
     payloads: Mapping[str, float] | None = None,
-) -> DiagnosisResult:
+    drive: Stated | None = None,
+) -> DiagnosisResult | DriveDiagnosis:
     """Where model and robot disagree, which effect causes it, and how far it shrinks on runs left out.
+
+    Of a robot that measures no torque (``drive``), in its position: the closed loop is simulated.
 
     Args:
         robot: the model as given.
@@ -156,23 +180,55 @@ def diagnose(
         without: effects to leave out of the catalogue.
         cutoff: Hz, no joint's band is wider; as its encoders let when None.
         payloads: kg by a run's name: that run carries this mass and the others do not.
+        drive: as of ``identify``; neither ``cutoff`` nor ``payloads`` goes with it.
 
     Raises:
-        InputError: a run is unsound or too short, or an option has no such value.
+        InputError: a run is unsound or too short, or an option has no such value, or not beside the others.
     """
+    if drive is not None:
+        if cutoff is not None or payloads:
+            option = "payloads" if payloads else "cutoff"
+            expected, got = "runs with torque", "a loop that is simulated, which has none"
+            raise InputError("diagnose", option, expected, got)
+        return diagnose_position(robot, runs, drive, without)
     from diagnosis.job import diagnose_runs
 
     return DiagnosisResult(diagnose_runs(robot, runs, without, cutoff, payloads), dict(runs))
 
 
+@overload
+def predict(
+    diagnosis: DriveEstimate | DriveDiagnosis, run: Recording, *, drive: Stated | None = None
+) -> PositionPrediction: ...
+
+
+@overload
+def predict(diagnosis: DiagnosisResult, run: Recording, *, raw: bool = False) -> Prediction: ...
+
+
+@overload
+def predict(
+    diagnosis: str | Path, run: Recording, *, raw: bool = False, drive: Stated | None = None
+) -> Prediction | PositionPrediction: ...
+
+
 @single_blas_thread()
-def predict(diagnosis: DiagnosisResult | str | Path, run: Recording, *, raw: bool = False) -> Prediction:
+def predict(
+    diagnosis: DiagnosisResult | DriveEstimate | DriveDiagnosis | str | Path,
+    run: Recording,
+    *,
+    raw: bool = False,
+    drive: Stated | None = None,
+) -> Prediction | PositionPrediction:
     """The torque along a run's motion by the corrected model; the run's torque is not read.
+
+    Of a robot that measures no torque, the position: the closed loop is simulated on the run's command.
 
     Args:
         diagnosis: a result, or the folder that ``testbench diagnose`` or ``export`` has written.
         run: whose motion it is.
         raw: at all frequencies, not in each joint's band alone.
+        drive: as of ``identify``, where this run states no gains and has others than those identified.
 
     Raises:
         InputError: the folder holds no diagnosis, or the motion is not one that its robot can make.
@@ -180,8 +236,14 @@ def predict(diagnosis: DiagnosisResult | str | Path, run: Recording, *, raw: boo
     from diagnosis.correction.corrected_model import corrected_model
     from diagnosis.correction.prediction import predict_along, read_diagnosed
 
+    from ..drives.document import is_drives
+
     if isinstance(diagnosis, DiagnosisResult):
         model = corrected_model(diagnosis.details)
+    elif not isinstance(diagnosis, str | Path):
+        return predict_position(diagnosis, run, drive)
+    elif is_drives(Path(diagnosis)):
+        return predict_position(Path(diagnosis), run, drive)
     else:
         model = read_diagnosed(Path(diagnosis))
     return Prediction(run, *predict_along(model, run, Path("run"), raw))

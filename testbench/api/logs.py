@@ -51,7 +51,11 @@ def load_robot(
 
 @single_blas_thread()
 def read_logs(
-    paths: str | Path | Sequence[str | Path], robot: Robot, mapping: str | Path | None = None
+    paths: str | Path | Sequence[str | Path],
+    robot: Robot,
+    mapping: str | Path | None = None,
+    *,
+    torque: bool = True,
 ) -> dict[str, Recording]:
     """Runs by name, from robot-logs, CSV, Parquet, npz, JSON or ROS bags, in SI units.
 
@@ -60,14 +64,17 @@ def read_logs(
         robot: whose runs these are.
         mapping: YAML that says which column is which signal. When None, a map beside the file, or a guess,
             which is logged.
+        torque: False for a robot that measures none, whose drives are stated: torque is not read.
 
     Raises:
         InputError: a file cannot be read, its joints are not the robot's, or a run is given twice.
     """
+    from ..drives.reading import opened_motions
     from ..runs import opened_runs, run_names
 
     files = [Path(paths)] if isinstance(paths, str | Path) else [Path(each) for each in paths]
-    recordings, lines = opened_runs(files, robot, None if mapping is None else Path(mapping))
+    opened = opened_runs if torque else opened_motions
+    recordings, lines = opened(files, robot, None if mapping is None else Path(mapping))
     note(lines)
     return dict(zip(run_names(files), recordings, strict=True))
 

@@ -12,7 +12,7 @@ from identification.output_error.plant import Limb
 from identification.output_error.servo_loop import Window, simulate
 from identification.output_error.servo_run import ServoRun
 
-from .identified import IdentifiedDrives, consistent
+from .identified import IdentifiedDrives, consistent, scale_of_kd
 
 Array = NDArray[np.float64]
 
@@ -95,6 +95,9 @@ def _of_limb(limb: Limb, found: Fit, runs: Sequence[ServoRun]) -> list[Differenc
         if evidence < EVIDENCE:
             continue
         joint = int(unknown.joints[place])
+        value, deviation = float(found.values[place]), float(std[place])
+        if unknown.names[place] == "kd_scale":
+            value, deviation = scale_of_kd(found, joint)
         alike = tuple(
             unknown.names[other]
             for other in np.flatnonzero(unknown.joints == joint)
@@ -106,8 +109,8 @@ def _of_limb(limb: Limb, found: Fit, runs: Sequence[ServoRun]) -> list[Differenc
                 name=unknown.names[place],
                 unit=unknown.units[place],
                 stated=float(unknown.mean[place]),
-                value=float(found.values[place]),
-                std=float(std[place]),
+                value=value,
+                std=deviation,
                 evidence=evidence,
                 alike=alike,
             )

@@ -121,6 +121,17 @@ def drives_document(
     }
 
 
+def as_read(found: IdentifiedDrives) -> ReadDrives:
+    """Identified drives as they would be read from the document."""
+    return _of_plant(found.robot.chain, found.given, found.identified, found.servo.kp, found.servo.kd)
+
+
+def _of_plant(chain: Chain, given: Array, identified: Array, kp: Array, kd: Array) -> ReadDrives:
+    endless = np.full(chain.joints, np.inf)
+    limits = Limits(-endless, endless, endless, endless, identified[:, LIMIT])
+    return ReadDrives(chain, limits, given, identified, kp, kd)
+
+
 def _table(table: Array) -> list[list[float | None]]:
     return [[float(value) if np.isfinite(value) else None for value in row] for row in table]
 
@@ -163,6 +174,4 @@ def read_drives(directory: Path) -> ReadDrives:
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
         expected_text = "drives as identify writes them"
         raise InputError(path, "plant", expected_text, f"{type(error).__name__}: {error}") from None
-    endless = np.full(n, np.inf)
-    limits = Limits(-endless, endless, endless, endless, identified[:, LIMIT])
-    return ReadDrives(chain, limits, given, identified, kp, kd)
+    return _of_plant(chain, given, identified, kp, kd)

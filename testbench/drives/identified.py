@@ -172,6 +172,7 @@ def knowledge(
     masses = mass_matrices(limb.chain, table.ravel(), np.concatenate(poses))
     return Knowledge(
         gain_spread=servo.spread[joints],
+        ratio_spread=servo.ratio_spread,
         delay_lower=servo.delay_lower[joints],
         delay_upper=servo.delay_upper[joints],
         limit_spread=np.where(reached, servo.limit_spread[joints], 0.0),
@@ -212,6 +213,9 @@ def _figures(limb: Limb, found: Fit, servo: Servo) -> list[Figure]:
     ):
         if joint >= 0 and not name.startswith(PREFIX):
             figures = (found.values[place], found.std[place], unknown.mean[place], unknown.deviation[place])
+            if name == "kd_scale":
+                before = _std(unknown, joint, np.diag(unknown.deviation**2))
+                figures = (*scale_of_kd(found, joint), 1.0, before)
             out.append(Figure(name, unit, limb.chain.joint_names[joint], *(float(each) for each in figures)))
     for joint, name in enumerate(limb.chain.joint_names):
         kd = servo.kd[limb.joints[joint]]
@@ -221,6 +225,17 @@ def _figures(limb: Limb, found: Fit, servo: Servo) -> list[Figure]:
             std = float(np.sqrt(weights @ found.covariance @ weights))
             out.append(Figure("damping", "N·m·s/rad", name, float(value), std, None, None))
     return out
+
+
+def scale_of_kd(found: Fit, joint: int) -> tuple[float, float]:
+    """The scale of a joint's kd, part of which it shares with kp, and its deviation."""
+    return float(found.table[joint, KD_SCALE]), _std(found.unknowns, joint, found.covariance)
+
+
+def _std(unknown: Unknowns, joint: int, covariance: Array) -> float:
+    """Deviation of the scale of a joint's kd by the covariance (m, m) of the unknowns."""
+    weights = _entry(unknown, joint, KD_SCALE)
+    return float(np.sqrt(weights @ covariance @ weights))
 
 
 def _entry(unknown: Unknowns, joint: int, column: int) -> Array:

@@ -1,6 +1,6 @@
 """Logs of position servos as runs to simulate, and what is wrong with them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -44,23 +44,47 @@ class ServoLog:
 def read_servo_logs(
     paths: Sequence[Path], robot: Robot, stated: StatedDrive | None, map_path: Path | None = None
 ) -> list[ServoLog]:
-    """The logs as runs, in their order; what was guessed of other formats is printed. Torque is not read.
+    """The logs as runs, in their order; what was guessed of other formats is printed. As ``servo_logs``."""
+    recordings, lines = opened_motions(paths, robot, map_path)
+    for line in lines:
+        print(line)
+    return servo_logs(dict(zip(run_names(paths), recordings, strict=True)), paths, robot, stated)
 
-    Raises InputError for a robot whose joints follow others, a log without commands or gains, one whose
-    command is the measurement, and gains whose torque is out of all proportion to the model.
+
+def opened_motions(
+    paths: Sequence[Path], robot: Robot, map_path: Path | None = None
+) -> tuple[list[Recording], list[str]]:
+    """The recordings of these logs, in their order, and lines on what was guessed of other formats.
+
+    Torque is not read, and NaN. Raises InputError for a robot whose joints follow others, and for a log whose
+    joints are not the robot's.
     """
     if robot.chain.followers is not None:
         expected = "measured torque, where joints follow others"
         raise InputError(robot.path, "joints", expected, ", ".join(robot.chain.followers.names))
     door = Door(joints_of(robot.chain, robot.limits), map_path)
     opened = [door.log(path, with_torque=False) for path in paths]
-    for line in said(opened, robot.path):
-        print(line)
-    logs = []
-    for path, each, name in zip(paths, opened, run_names(paths), strict=True):
+    recordings = []
+    for path, each in zip(paths, opened, strict=True):
         recording = in_model_order(each.recording, robot.joint_names)
         check_joints(recording, robot.joint_names, path)
-        recording = in_radians(replace(recording, torque=np.zeros_like(recording.position)), robot)
+        recordings.append(
+            in_radians(replace(recording, torque=np.full_like(recording.position, np.nan)), robot)
+        )
+    return recordings, said(opened, robot.path)
+
+
+def servo_logs(
+    recordings: Mapping[str, Recording], paths: Sequence[Path], robot: Robot, stated: StatedDrive | None
+) -> list[ServoLog]:
+    """Recordings by name as runs to simulate, in their order; paths: their files, which errors name.
+
+    Raises InputError for one without commands or gains, one whose command is the measurement, and gains whose
+    torque is out of all proportion to the model.
+    """
+    logs = []
+    for path, (name, recording) in zip(paths, recordings.items(), strict=True):
+        check_joints(recording, robot.joint_names, path)
         require_plausible_motion(recording, robot.chain, robot.limits, path)
         logs.append(servo_log(path, recording, name, robot, stated))
     _require_plausible_gains(logs, robot)
@@ -79,7 +103,8 @@ def servo_log(
             expected = "a command that is not the measurement itself"
             raise InputError(path, "reference/position", expected, f"identical arrays of {own}")
     servo = servo_of(stated, recording, name, robot, path)
-    even = on_grid(mended(recording, lost_samples(recording)))
+    silent = replace(recording, torque=np.zeros_like(recording.position))
+    even = on_grid(mended(silent, lost_samples(silent)))
     assert even.reference_position is not None
     duration = len(even.time) / even.sample_rate
     if duration < SHORTEST:

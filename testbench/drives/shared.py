@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from identification.output_error.fit import Fit
-from identification.output_error.frozen import fit_again
+from identification.output_error.fit import Fit, fit_near
 from identification.output_error.plant import Limb
 from identification.output_error.servo_run import ServoRun
 from identification.parameters import ARMATURE, COULOMB, MASS, VISCOUS
@@ -67,7 +66,7 @@ def tied_fits(
             before = fits[limb]
             unknown = replace(before.unknowns, mean=mean, deviation=deviation)
             own_runs = [run.of(parts[limb].joints) for run in runs]
-            again = fit_again(parts[limb].chain, unknown, own_runs, before.values, threads)
+            again = fit_near(parts[limb].chain, unknown, own_runs, before.values, threads)
             # What was stated of it stays what it is compared with.
             out[limb] = replace(again, unknowns=before.unknowns)
     return tuple(out), tuple(tied)

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 # Relative standard deviation of gains that are stated without one.
 GAIN_SPREAD = 0.1
+# That of kd over kp: both are numbers in one firmware, and the torque of a unit of current scales both.
+RATIO_SPREAD = 0.03
 # s, the range of the delay where none is stated.
 LONGEST_DELAY = 0.1
 
@@ -32,9 +34,10 @@ class StatedDrive(BaseModel):
     """Position servos as stated. Numbers are for all joints, or one a joint in the model's order.
 
     kp, kd: gains, or gains by run. factor: N·m/rad (N·m·s/rad) for one unit, as a firmware counts.
-    spread: relative standard deviation of each gain. delay: s, lowest and highest. limit: N·m of the drive.
-    limit_spread: its relative standard deviation. stall, no_load_speed: N·m and rad/s at the full voltage, of
-    servos that set a voltage; stall_spread: of what speed takes of it, relative.
+    spread: relative standard deviation of each gain; ratio_spread: that of kd over kp. delay: s, lowest and
+    highest. limit: N·m of the drive; limit_spread: its relative standard deviation. stall, no_load_speed: N·m
+    and rad/s at the full voltage, of servos that set a voltage; stall_spread: of what speed takes of it,
+    relative.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -44,6 +47,7 @@ class StatedDrive(BaseModel):
     kd: Numbers | dict[str, Numbers] | None = None
     factor: Positive = 1.0
     spread: Annotated[float, Field(ge=0, le=1)] | None = None
+    ratio_spread: Annotated[float, Field(gt=0, le=1)] = RATIO_SPREAD
     delay: tuple[NotNegative, NotNegative] | None = None
     limit: Positive | tuple[Positive, ...] | None = None
     limit_spread: Annotated[float, Field(ge=0, le=1)] = 0.0
@@ -111,7 +115,7 @@ class Voltage:
 class Servo:
     """The servos of one run, (n,) each: kp, kd N·m/rad and N·m·s/rad; relative spread; delay s; limit N·m.
 
-    voltage: None for servos that set a torque.
+    voltage: None for servos that set a torque. ratio_spread: relative, of kd over kp.
     """
 
     kp: Array
@@ -122,6 +126,7 @@ class Servo:
     limit: Array
     limit_spread: Array
     voltage: Voltage | None = None
+    ratio_spread: float = RATIO_SPREAD
 
 
 def servo_of(
@@ -177,6 +182,7 @@ def servo_of(
         limit,
         stated.limit_spread * full,
         voltage,
+        stated.ratio_spread,
     )
 
 

@@ -156,15 +156,24 @@ def errors_table(joints: Sequence[str], errors: Sequence[Errors], repeat: np.nda
 
 
 def _figures(found: IdentifiedDrives) -> Table:
-    figures = {(each.name, each.joint): each for each in found.figures}
     table = Table(title="Drives and joints, ± one standard deviation", title_justify="left", box=None)
-    table.add_column("joint", no_wrap=True)
-    shown = [each for each in SHOWN if any(name == each[0] for name, _ in figures)]
-    for _, heading, _ in shown:
-        table.add_column(heading, justify="right", no_wrap=True)
-    for joint in found.robot.joint_names:
-        table.add_row(joint, *(_cell(figures.get((name, joint)), factor) for name, _, factor in shown))
+    headings, rows = figure_rows(found)
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading == "joint" else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
     return table
+
+
+def figure_rows(found: IdentifiedDrives) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Headings, and a row a joint of its figures with their deviations."""
+    figures = {(each.name, each.joint): each for each in found.figures}
+    shown = [each for each in SHOWN if any(name == each[0] for name, _ in figures)]
+    rows = [
+        (joint, *(_cell(figures.get((name, joint)), factor) for name, _, factor in shown))
+        for joint in found.robot.joint_names
+    ]
+    return ("joint", *(heading for _, heading, _ in shown)), rows
 
 
 def _cell(figure: Figure | None, factor: float) -> str:

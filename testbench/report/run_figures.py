@@ -36,6 +36,15 @@ def by_joint(
     return figure
 
 
+def bars_by_joint(bars: Mapping[str, Array], names: tuple[str, ...], label: str) -> go.Figure:
+    """Bars of each joint, side by side. bars: (n,) by what they are. label: of the axis, with the unit."""
+    figure = go.Figure(layout={"template": TEMPLATE, "height": 320, "barmode": "group"})
+    for colour, (name, values) in zip(JOINT_COLOURS, bars.items(), strict=False):
+        figure.add_bar(x=list(names), y=values, name=name, marker_color=colour)
+    figure.update_yaxes(title=label)
+    return figure
+
+
 def _panels(rows: int) -> go.Figure:
     """Panels over time, one below the other."""
     figure = make_subplots(rows=rows, cols=1, shared_xaxes=True, vertical_spacing=0.12 / rows)

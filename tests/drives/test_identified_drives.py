@@ -117,10 +117,18 @@ def test_gains_that_are_wrong_within_their_spread_are_scaled_by_known_masses(fol
     write_log(stated, folder / "stated.h5")
     (read,) = read_servo_logs([folder / "stated.h5"], robot, None)
     wide = replace(read.servo, spread=np.full(2, 0.3))
-    found = identify_drives(robot, [wide], [read.run])
-    for figure in found.figures:
-        if figure.name == "kp_scale":
+    apart = replace(wide, ratio_spread=1.0)
+    stds = []
+    for servo in (wide, apart):
+        found = identify_drives(robot, [servo], [read.run])
+        scales = [each for each in found.figures if each.name in ("kp_scale", "kd_scale")]
+        assert len(scales) == 4
+        for figure in scales:
             assert abs(figure.value - 1 / 1.2) < 3 * figure.std
+            assert figure.prior_std == pytest.approx(0.3)
+        stds.append([each.std for each in scales if each.name == "kd_scale"])
+    # A ratio of the gains that is known makes kd as well known as kp.
+    assert np.all(np.array(stds[0]) < 0.7 * np.array(stds[1]))
 
 
 def test_friction_that_grows_with_the_load_is_told_from_coulomb_friction(folder: Path) -> None:

@@ -103,7 +103,7 @@ def test_what_lacks_torque_is_said_and_what_would_do(place: Path, capfd: pytest.
     write_csv(run, place / "motion.csv", target_position=run.position + 0.01)
     line = complaint("identify --model arm.xml motion.csv --out d", capfd)
     assert line == (
-        "motion.csv: joint/torque: expected measured torque, or a signed current, duty or voltage with its "
+        "motion.csv: joint/torque: expected measured torque, or a current, duty or voltage with its "
         "constant (torque_constant or the drive's torque_per_unit in a map), got none, but reference "
         "positions\n"
     )
@@ -139,10 +139,10 @@ def test_a_signed_current_with_its_constant_is_torque(place: Path, capfd: pytest
         for name in ("d", "e")
     ]
     np.testing.assert_allclose(*values, rtol=1e-6, atol=1e-9)
-    write_log(replace(driven, unsigned=("current",)), "unsigned.h5")
+    write_log(replace(driven, unsigned=("current",), drive=Drive("current")), "unsigned.h5")
     capfd.readouterr()
     line = complaint("identify --model arm.xml unsigned.h5 --out d", capfd)
-    assert "got none, but current without its sign" in line
+    assert "got none, but current without its sign, no torque constant of every joint" in line
 
 
 REFUSED = [
