@@ -15,7 +15,7 @@ from ..fit.normal_equations import Fit, squares
 from ..fit.score import Stage
 from ..model.base_regressor import ground
 from ..model.candidates import SATURATION, Candidate
-from ..model.effect_sizes import is_beyond_healthy, times_healthy
+from ..model.effect_sizes import is_beyond_healthy, is_excessive, times_healthy
 from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from ..plausibility.accepted import Accepted
 from ..plausibility.materiality import SMALLEST_WALD
@@ -114,13 +114,14 @@ def as_fitted_at_last(
 ) -> list[Accepted]:
     """The accepted effects with their final shapes and sizes, as fitted to all runs together.
 
-    An effect is no longer reported where it is no larger than on a healthy robot, or not distinguished from
-    zero.
+    An effect is no longer reported where it is larger than any gear has it, no larger than on a healthy
+    robot, or not distinguished from zero.
     """
     found, torque_rms = [], ground(hypothesis.prepared).torque_rms
     for item, part, candidate in zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True):
         own = candidate, fitted.values[part]
-        named = item.named and times_healthy(sized, torque_rms, *own) > 1
+        named = item.named and not is_excessive(sized, *own, item.share)
+        named = named and times_healthy(sized, torque_rms, *own) > 1
         # A limit that the drive reports leaves no gap, and a push is recognised by its time.
         elsewhere = candidate.is_event or candidate.family.effect == SATURATION
         named = named and (elsewhere or fitted.wald(part) > AT_LAST)

@@ -28,8 +28,11 @@ SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
 
 # What is left counts without any function to follow where it is this share of the joint's RMS torque (a
 # healthy one leaves one or two per cent), so many times the noise, and this share of what re-identification
-# left; where an effect has a name less is enough, since a law that only resembles the joint's leaves more.
-MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT, NAMED_LEFT = 0.03, 6.0, 0.2, 0.1
+# left.
+MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.03, 6.0, 0.2
+# A law that only resembles the joint's leaves more: where an effect has a name, this share is enough, or with
+# less of the noise, or none that is known, most of it.
+NAMED_LEFT, NAMED_MOST, NAMED_NOISE = 0.1, 0.5, 3.0
 # What is worse than without any effect, by this, says nothing of the robot.
 MISFIT_WORSE = 1.1
 # What is less than this share of the step in which torque is logged is rounding, not white but a function of
@@ -181,13 +184,15 @@ def share_left(first: Stage, last: Stage) -> Array:
 def _of_nothing(first: Stage, last: Stage, named: Collection[int]) -> Iterator[Unclaimed]:
     """Unexplained residual too large for noise that follows neither the motion nor a period."""
     of_sensors, left = noise(last.prepared), share_left(first, last)
-    joints = np.arange(len(left))
-    is_loud = of_sensors.seen & (_rms(last) > MISFIT_NOISE * of_sensors.rms) & (left < MISFIT_WORSE)
+    has_name = np.isin(np.arange(len(left)), list(named))
+    times = _rms(last) / of_sensors.rms
+    is_loud = of_sensors.seen & (times > MISFIT_NOISE)
+    is_misfit = is_loud & (left > MISFIT_LEFT) & (_relative(last) > MISFIT_TORQUE)
+    is_misfit |= has_name & is_loud & (left > NAMED_LEFT)
+    is_misfit |= has_name & (~of_sensors.seen | (times > NAMED_NOISE)) & (left > NAMED_MOST)
+    is_misfit &= (left < MISFIT_WORSE) & ~is_extrapolated(squares(last.fitted.residual), last.held_squares)
     # The rounding of a log is a function of its torque.
-    is_loud &= _rms(last) > QUANTISED * last.prepared.torque_step
-    is_loud &= ~is_extrapolated(squares(last.fitted.residual), last.held_squares)
-    is_misfit = is_loud & np.isin(joints, list(named)) & (left > NAMED_LEFT)
-    is_misfit |= is_loud & (left > MISFIT_LEFT) & (_relative(last) > MISFIT_TORQUE)
+    is_misfit &= _rms(last) > QUANTISED * last.prepared.torque_step
     for push in last.hypothesis.accepted:
         # One that explains its own joint leaves much at others, where it acted otherwise than was fitted.
         if push.is_event and not is_misfit[push.family.joint]:

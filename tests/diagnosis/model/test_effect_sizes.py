@@ -10,6 +10,7 @@ from diagnosis.model.base_regressor import ground
 from diagnosis.model.candidates import candidate, candidates
 from diagnosis.model.effect_sizes import (
     is_beyond_healthy,
+    is_excessive,
     is_plausible,
     quantities,
     times_healthy,
@@ -80,6 +81,26 @@ def test_friction_that_differs_by_direction_is_little_where_all_friction_is(tmp_
     difference = scale_of("viscous", arm, 0) / 5
     torque = np.full(arm.joints, difference * speed / moved)
     assert is_beyond_healthy(arm, torque, own, np.array([0.0, difference])) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "amount", "share", "expected"),
+    [
+        ("load_dependent_friction", {}, 0.3, 0.9, True),
+        ("load_dependent_friction", {}, 0.3, 0.98, False),
+        ("load_dependent_friction", {}, 0.15, 0.9, False),
+        ("thermal_friction_drift", {"time_constant": 3.0}, 0.5, 0.9, True),
+        ("thermal_friction_drift", {"time_constant": 10.0}, 0.5, 0.9, False),
+        ("nonlinear_viscous_friction", {"exponent": 2.0}, 20.0, 0.9, True),
+        ("nonlinear_viscous_friction", {"exponent": 2.0}, 20.0, 0.98, False),
+        ("nonlinear_viscous_friction", {"exponent": 2.0}, 1.0, 0.9, False),
+    ],
+)
+def test_what_no_gear_has_is_something_else(tmp_path, name, shape, amount, share, expected):
+    arm = small_arm(tmp_path)
+    own = candidates(prepare(arm, simulated_runs(arm, [], runs=1)), only=[name])[0]
+    made = replace(own, member=replace(own.member, shape=own.member.shape | shape))
+    assert is_excessive(arm, made, amount * np.eye(own.count)[0], share) == expected
 
 
 def test_the_nearer_an_exponent_is_to_one_the_less_friction_bends(tmp_path):
