@@ -15,7 +15,7 @@ from .correction.residual_near_rest import left_at_rest
 from .data.preparation import Prepared
 from .data.single_sine import one_sine
 from .decision.attribution import Attribution
-from .decision.doubts import ONE_SINE, TOO_SHORT, doubt, is_too_short, with_support
+from .decision.doubts import ONE_SINE, TOO_SHORT, doubt, is_too_short, with_support, without_seconds
 from .decision.findings import Diagnosis, Gap, NamedEffect
 from .decision.harmful_effects import without_misleading, without_undetermined
 from .decision.held_out_check import closed_without_a_name
@@ -147,7 +147,8 @@ def _hardly_seen(found: Attribution, gap: Gap) -> NDArray[np.bool_]:
 
 
 def _without_doubtful(found: Attribution, supported: NDArray[np.bool_], sines: frozenset[int]) -> Attribution:
-    """The attribution with effects no longer reported if left-out runs, a bound or their deviation say so.
+    """The attribution with effects no longer reported if left-out runs, a bound, their deviation or a larger
+    effect of their joint say so.
 
     supported: (n,) of ``with_support``. sines: the joints that follow one sine.
     """
@@ -161,7 +162,7 @@ def _without_doubtful(found: Attribution, supported: NDArray[np.bool_], sines: f
             why = TOO_SHORT
         if why:
             accepted[index] = replace(item, named=False, doubt=why)
-    return replace(found, accepted=tuple(accepted))
+    return replace(found, accepted=without_seconds(accepted))
 
 
 def _kept(

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from testbench.effects import effect
 
+from ..model.candidates import SATURATION
 from ..model.effect_sizes import PAYLOAD
 from ..plausibility.accepted import Accepted
 from .findings import NamedEffect
@@ -21,6 +22,7 @@ NOT_PREDICTED = "fitted, but runs that were left out are predicted no better wit
 AT_ITS_BOUND = "fitted, but at the bound of what it may be: these runs do not tell its size"
 UNCERTAIN = "fitted, but its size is within two of its own standard deviations"
 TOO_SHORT = "fitted, but the runs hold too few seconds of motion of every joint that it loads"
+SECOND = "fitted, beside a larger effect of its joint: a law that is nearly the joint's leaves as much"
 ONE_SINE = "fitted, but each joint follows one sine: laws of position and inertia are one along it"
 
 
@@ -44,6 +46,31 @@ def _is_unsupported(item: Accepted, supported: NDArray[np.bool_]) -> bool:
     else:
         joints = [family.joint] if family.into is None else [family.joint, family.into]
     return not supported[joints].any()
+
+
+def without_seconds(accepted: Sequence[Accepted]) -> tuple[Accepted, ...]:
+    """The fitted effects, of those at one joint only the one reported that explains most.
+
+    No law is quite the robot's, and what it leaves looks like another one of its joint. Pushes and limits are
+    recognised by when they act.
+    """
+    largest: dict[int | None, float] = {}
+    for item in filter(_is_law, accepted):
+        joint = item.candidate.family.joint
+        largest[joint] = max(largest.get(joint, 0.0), item.worth)
+    return tuple(
+        replace(item, named=False, doubt=SECOND)
+        if _is_law(item) and item.worth < largest[item.candidate.family.joint]
+        else item
+        for item in accepted
+    )
+
+
+def _is_law(item: Accepted) -> bool:
+    """Whether it is reported and acts on one joint whenever that moves."""
+    candidate = item.candidate
+    of_joint = candidate.family.joint is not None and candidate.family.effect != SATURATION
+    return item.named and of_joint and not candidate.is_event
 
 
 def is_too_short(item: Accepted, has_enough_samples: NDArray[np.bool_]) -> bool:

@@ -156,12 +156,24 @@ def _judged(
             [f"{names}: not stated, since halves that were not fitted are predicted worse with it."],
         )
     little = [each for each in accepted if not _explains(each, errors[1], errors[-1], sizes.noise)]
-    names = " and ".join(_in_words(each, limb) for each in little)
-    note = (
-        f"{names}: in the corrected model, but not stated, since less than half of the squared error of "
-        "halves that were not fitted goes with it."
-    )
-    return [each for each in accepted if each not in little], True, [note] if little else []
+    second = _beside_another([each for each in accepted if each not in little])
+    notes = [
+        f"{' and '.join(_in_words(each, limb) for each in left_out)}: in the corrected model, but not "
+        f"stated, since {why}."
+        for left_out, why in (
+            (little, "less than half of the squared error of halves that were not fitted goes with it"),
+            (second, "another effect is, at that joint: a law that is nearly the joint's leaves as much"),
+        )
+        if left_out
+    ]
+    return [each for each in accepted if each not in (*little, *second)], True, notes
+
+
+def _beside_another(accepted: Sequence[Weighed]) -> list[Weighed]:
+    """The effects at a joint that has one already; the likeliest comes first."""
+    places = [(each, each.fitted.place) for each in accepted]
+    own = [(each, place.joint) for each, place in places if place is not None and place.joint is not None]
+    return [each for index, (each, joint) in enumerate(own) if joint in [at for _, at in own[:index]]]
 
 
 def _is_no_worse(effects: Array, parameters: Array, sizes: Sizes) -> bool:

@@ -125,7 +125,8 @@ def resting_centres(
     worst = int(np.argmax((shortage > 0).mean(axis=0)))
     if clearance is None or worst < chain.joints:
         field = f"torque limit of {chain.joint_names[worst]} times limit_share"
-        expected = f"at least {torque[:, worst].min():.4g} to hold the arm still"
+        least = f"at least {torque[:, worst].min():.4g} to hold the arm still"
+        expected = f"{least}, or this joint held still (--joints with the others)"
         raise InputError("limits", field, expected, f"{limits.torque[worst]:.4g}")
     pair = worst - chain.joints
     expected = f"at most {distances[:, pair].max():.4g} m, the largest in {CONFIGURATIONS} configurations"

@@ -106,6 +106,12 @@ def test_a_delay_that_re_identification_takes_in_is_stated_beside_what_is_left(m
     assert [(each.effect, each.joint) for each in found.effects] == [("command_delay", None)]
 
 
+def test_a_joint_with_two_faults_gets_the_likelier_name_and_a_note(model: Path) -> None:
+    found = diagnosed(model, FAULTS["backlash"] | FAULTS["gain_error"])
+    assert [each.joint for each in found.effects] == ["knee"]
+    assert any("another effect is, at that joint" in note for note in found.notes)
+
+
 def test_an_effect_that_two_rounds_weigh_is_two_hypotheses() -> None:
     fits = [Fit(cast(Any, None), *(np.zeros(2) for _ in range(6)), iterations=1) for _ in range(2)]
     first, second = (Weighed(Fitted(None, each), 0.5, 0.0, 0.0) for each in fits)

@@ -1,5 +1,6 @@
 """Effects of a size that these runs do not tell, or that left-out runs do not keep, are no causes."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,10 +10,12 @@ import pytest
 from diagnosis.decision.doubts import (
     AT_ITS_BOUND,
     NOT_PREDICTED,
+    SECOND,
     UNCERTAIN,
     doubt,
     is_too_short,
     with_support,
+    without_seconds,
 )
 from diagnosis.plausibility.accepted import Accepted
 from testbench.effects.signature import Quantity
@@ -70,3 +73,12 @@ def test_an_effect_of_the_robot_needs_a_joint_of_enough_samples(joint, rows, exp
     family, member = SimpleNamespace(joint=joint), SimpleNamespace(rows=rows)
     item: Any = SimpleNamespace(candidate=SimpleNamespace(family=family, member=member))
     assert is_too_short(item, np.array([False, True, False])) == expected
+
+
+def test_of_the_laws_of_one_joint_the_one_that_explains_most_keeps_its_name():
+    first, second = replace(_taken_in(0), worth=0.05), _taken_in(0)
+    elsewhere, push = replace(_taken_in(1), worth=0.01), replace(_taken_in(0, event=True), worth=0.01)
+    unnamed = replace(_taken_in(1), worth=0.3, named=False)
+    found = without_seconds([first, second, elsewhere, push, unnamed])
+    assert [item.named for item in found] == [False, True, True, True, False]
+    assert [item.doubt for item in found] == [SECOND, "", "", "", ""]
