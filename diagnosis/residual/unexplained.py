@@ -28,11 +28,11 @@ SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
 
 # What is left counts without any function to follow where it is this share of the joint's RMS torque (a
 # healthy one leaves one or two per cent), so many times the noise, and this share of what re-identification
-# left.
-MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.03, 6.0, 0.2
-# A law that only resembles the joint's leaves more: where an effect has a name, this share is enough, or with
-# less of the noise, or none that is known, most of it.
-NAMED_LEFT, NAMED_MOST, NAMED_NOISE = 0.1, 0.5, 3.0
+# left; where no noise is known, most of that.
+MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT, MOST_LEFT = 0.03, 6.0, 0.2, 0.5
+# A law that only resembles the joint's leaves more: where an effect has a name, this share is enough, or most
+# of it with so many times the noise.
+NAMED_LEFT, NAMED_NOISE = 0.1, 3.0
 # What is worse than without any effect, by this, says nothing of the robot.
 MISFIT_WORSE = 1.1
 # What is less than this share of the step in which torque is logged is rounding, not white but a function of
@@ -185,11 +185,11 @@ def _of_nothing(first: Stage, last: Stage, named: Collection[int]) -> Iterator[U
     """Unexplained residual too large for noise that follows neither the motion nor a period."""
     of_sensors, left = noise(last.prepared), share_left(first, last)
     has_name = np.isin(np.arange(len(left)), list(named))
-    times = _rms(last) / of_sensors.rms
+    times, is_large = _rms(last) / of_sensors.rms, _relative(last) > MISFIT_TORQUE
     is_loud = of_sensors.seen & (times > MISFIT_NOISE)
-    is_misfit = is_loud & (left > MISFIT_LEFT) & (_relative(last) > MISFIT_TORQUE)
-    is_misfit |= has_name & is_loud & (left > NAMED_LEFT)
-    is_misfit |= has_name & (~of_sensors.seen | (times > NAMED_NOISE)) & (left > NAMED_MOST)
+    is_misfit = is_loud & (has_name & (left > NAMED_LEFT) | is_large & (left > MISFIT_LEFT))
+    unseen = ~of_sensors.seen & (has_name | is_large)
+    is_misfit |= (unseen | has_name & (times > NAMED_NOISE)) & (left > MOST_LEFT)
     is_misfit &= (left < MISFIT_WORSE) & ~is_extrapolated(squares(last.fitted.residual), last.held_squares)
     # The rounding of a log is a function of its torque.
     is_misfit &= _rms(last) > QUANTISED * last.prepared.torque_step
