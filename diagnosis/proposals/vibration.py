@@ -27,9 +27,9 @@ Array = NDArray[np.float64]
 VIBRATION = "vibration"
 # Hz: the line to either side of its middle, and how far apart the middles are.
 HALF_LINE, APART = 0.5, 0.25
-# Standard deviations that the lag's size off the line must be from zero, and may be from that on it; and the
-# share of it by which laws of all kinds may differ.
-FROM_NONE, FROM_LINE, LIKE_LINE = 2.0, 4.0, 0.2
+# Standard deviations that the lag's size off the line must be from zero, and that either part may be from the
+# size of the whole; and the share of it by which laws of all kinds may differ.
+FROM_NONE, FROM_WHOLE, LIKE_WHOLE = 2.0, 2.5, 0.2
 # Standard deviations and the share of the line by which it is another's, a quarter of a turn from a lag's: of
 # two stages a little is, too.
 LATER, LATER_SHARE = 6.0, 0.3
@@ -58,10 +58,10 @@ def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
         lines = strongest_line(f, before - after), strongest_line(*_spectrum(law, last.prepared.runs))
         for line in lines:
             gain = alone.gain(_split(item.candidate, law, line, last.prepared.runs))
-            if gain is not None and not _is_one_law(gain):
+            if gain is not None and not is_one_law(gain):
                 # Not what is explained there beside it.
                 taken_off = share_left(first, alone)[joint] - left[joint]
-                found.append(Unclaimed(joint, VIBRATION, max(float(taken_off), 0.0), line))
+                found.append(Unclaimed(joint, VIBRATION, float(np.clip(taken_off, 0.0, 1.0)), line))
                 break
     return tuple(found)
 
@@ -150,12 +150,17 @@ def _is_in(frequencies: Array, line: float) -> NDArray[np.bool_]:
     return np.abs(frequencies - line) < HALF_LINE
 
 
-def _is_one_law(gain: Gain) -> bool:
-    """Whether a lag off the line is significant, of the same size as on it, and in phase with it."""
+def is_one_law(gain: Gain) -> bool:
+    """Whether a lag keeps its size on the line and off it, where it is significant, and its phase.
+
+    gain: of the parts of ``_split``, in units of the whole as it was fitted.
+    """
     line, beside, later = gain.coefficients.tolist()
-    covariance = np.linalg.pinv(gain.information, hermitian=True)
-    is_there = beside > FROM_NONE * float(np.sqrt(covariance[1, 1]))
-    differs = float(np.sqrt(covariance[0, 0] - 2 * covariance[0, 1] + covariance[1, 1]))
-    is_alike = abs(line - beside) < max(FROM_LINE * differs, LIKE_LINE * max(line, beside))
-    is_later = abs(later) > max(LATER * float(np.sqrt(covariance[2, 2])), LATER_SHARE * line)
-    return is_there and is_alike and not is_later
+    on_line, off_line, turned = np.sqrt(np.diag(np.linalg.pinv(gain.information, hermitian=True))).tolist()
+    is_there = beside > FROM_NONE * off_line
+    is_whole = all(
+        abs(size - 1) < max(FROM_WHOLE * deviation, LIKE_WHOLE)
+        for size, deviation in ((line, on_line), (beside, off_line))
+    )
+    is_later = abs(later) > max(LATER * turned, LATER_SHARE * line)
+    return is_there and is_whole and not is_later

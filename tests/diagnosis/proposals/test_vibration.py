@@ -1,10 +1,12 @@
 """What shakes a joint at one frequency is not named a lag of its drive; a lag is."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from diagnosis.diagnose import diagnose
-from diagnosis.proposals.vibration import strongest_line
+from diagnosis.proposals.vibration import is_one_law, strongest_line
 from testbench.effects import parse_injection
 from testbench.effects.base import Injection
 
@@ -23,6 +25,16 @@ def test_a_joint_that_is_shaken_at_one_frequency_has_no_lag(tmp_path, frequency,
     # Nor has the corrected simulator.
     assert not found.final[0].joints_with("actuator_lag")
     assert f"follows a vibration at {frequency:.1f} Hz" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("line", "beside", "expected"),
+    [(1.0, 0.8, True), (1.0, 0.4, False), (0.7, 0.9, False), (1.0, 0.0, False), (0.9, 1.1, True)],
+)
+def test_a_lag_keeps_its_size_on_a_line_and_off_it(line, beside, expected):
+    deviations = np.array([0.05, 0.15, 0.05])
+    parts = SimpleNamespace(coefficients=np.array([line, beside, 0.0]), information=np.diag(deviations**-2.0))
+    assert is_one_law(parts) == expected
 
 
 def test_what_shakes_a_joint_a_little_leaves_a_spring_its_name(tmp_path):
