@@ -30,7 +30,10 @@ from ._report import Goal, Report
 GIBIBYTES = 4.0
 COMMAND = "from testbench.cli import main; main()"
 # What a command imports, without any log.
-EMPTY = "import testbench.cli, diagnosis.job, diagnosis.report, testbench.jobs.identify"
+EMPTY = (
+    "import testbench.cli, testbench.jobs.identify, "
+    "diagnosis.job, diagnosis.report.page, diagnosis.report.session"
+)
 # s of a motion that shows which effects have columns.
 SHORT = 20.0
 # s between two looks at the processes' memory.

@@ -69,8 +69,9 @@ def diagnose_logs(
     # Simulation and most of a design is outside the interpreter, and looks at nothing of the rest.
     with steps() as progress, ThreadPoolExecutor(1) as aside:
         as_given = aside.submit(gap_as_given, robot, recordings, jobs)
-        # Most of a second to import, of which none is waited for here.
-        aside.submit(import_module, ".report", __package__)
+        # More than a second to import, which the diagnosis does not wait for.
+        for name in (".report.page", ".report.session"):
+            aside.submit(import_module, name, __package__)
         with progress.step("diagnose"):
             try:
                 diagnosis = diagnose(robot, recordings, without, cutoff, masses, findings)
@@ -126,7 +127,8 @@ def _write(
     with progress.step("closed loop and next experiment"):
         closed = aside.submit(forward_gap, diagnosis, recordings, as_given.result(), jobs)
         experiment = next_experiment(diagnosis, seed)
-        from .report import write_report, write_session
+        from .report.page import write_report
+        from .report.session import write_session
 
         if experiment is not None and experiment.excitation is not None:
             assert experiment.file is not None

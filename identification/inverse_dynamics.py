@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .chain import Chain
 from .kinematics import cross, into_link, into_parent, kernel, link_rotation, origin_acceleration
 from .parameters import PER_JOINT
-from .regressor import coulomb_sign, in_blocks
+from .regressor import BLOCK, coulomb_sign, in_blocks
 from .springs import pull
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def inverse_dynamics(
         part = slice(start, stop)
         _inverse_dynamics(*arguments, q[part], dq[part], ddq[part], out[part])
 
-    in_blocks(fill, len(q), threads)
+    in_blocks(fill, len(q), threads, BLOCK)
     return out
 
 

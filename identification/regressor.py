@@ -35,7 +35,8 @@ from .parameters import PER_JOINT
 
 Array = NDArray[np.float64]
 
-BLOCK = 512
+# Samples that take a thread much longer than it takes to start.
+BLOCK = 4096
 
 
 def regressor(
@@ -72,7 +73,7 @@ def regressor(
         part = slice(start, stop)
         _regressor(*arguments, q[part], dq[part], ddq[part], out[part])
 
-    in_blocks(fill, len(q), threads)
+    in_blocks(fill, len(q), threads, BLOCK)
     return out
 
 
@@ -105,9 +106,12 @@ def column_slots(joints: int, columns: NDArray[np.int64] | None) -> tuple[NDArra
     return slots, len(columns)
 
 
-def in_blocks(work: Callable[[int, int], None], samples: int, threads: int | None) -> None:
-    """Call work(start, stop) over fixed blocks of samples, on that many threads (all cores: None)."""
-    workers = min(threads or os.cpu_count() or 1, -(-samples // BLOCK))
+def in_blocks(work: Callable[[int, int], None], samples: int, threads: int | None, least: int) -> None:
+    """Call work(start, stop) over parts of the samples, at least so many each, on that many threads.
+
+    threads: all cores when None.
+    """
+    workers = min(threads or os.cpu_count() or 1, samples // least)
     if workers <= 1:
         work(0, samples)
         return

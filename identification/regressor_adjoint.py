@@ -32,6 +32,9 @@ from .regressor import column_slots, in_blocks
 
 Array = NDArray[np.float64]
 
+# Samples that take a thread much longer than it takes to start.
+BLOCK = 512
+
 
 def regressor_adjoint(
     chain: Chain,
@@ -71,7 +74,7 @@ def regressor_adjoint(
         _regressor_adjoint(*arguments, q[part], dq[part], ddq[part], seeds[part], own)
         bars[:, part] = own
 
-    in_blocks(fill, len(q), threads)
+    in_blocks(fill, len(q), threads, BLOCK)
     return bars[0], bars[1], bars[2]
 
 

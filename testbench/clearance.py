@@ -23,6 +23,8 @@ from .model_reading.wording import listed
 from .robot import Robot
 
 Array = NDArray[np.float64]
+# Samples that take a thread much longer than it takes to start.
+BLOCK = 512
 Indices = NDArray[np.int64]
 
 # Distances are exact up to this much, m, beyond the required one; a pair further apart gets that.
@@ -90,7 +92,7 @@ class RobotClearance:
             _measure(*addresses, *views, *constants, q[part], distances[part], gradients[part])
             self._idle.append(data)
 
-        in_blocks(measure, len(q), None)
+        in_blocks(measure, len(q), None, BLOCK)
         return distances + self.lowered
 
     def _take_data(self) -> mujoco.MjData:

@@ -87,7 +87,7 @@ def diagnose(
             look.joint_names,
         )
     # It is imported by then, behind the closed loop.
-    from diagnosis.report import print_summary
+    from diagnosis.report.summary import print_summary
 
     print_summary(*told)
 
