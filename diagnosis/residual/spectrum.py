@@ -31,6 +31,8 @@ BINS, HIGHEST = 2048, 150.0
 FEWEST_PERIODS, FINER = 2.0, 4
 # Chance is the largest line of so many residuals whose blocks have been given signs at random.
 BY_CHANCE = 20
+# What is slow lies below the last of these edges that leaves noise a fourth beyond it.
+MOST_OF_WHITE = 0.75
 SMALLEST = 1e-300
 
 
@@ -69,6 +71,20 @@ def band_shares(
             RegimeShare(FREQUENCY, name, name, float(share[index]), low, high, float(expected[index]), rms)
         )
     return found
+
+
+def slow_share(
+    runs: Sequence[Run], joint: int, residual: Sequence[Array], used: Sequence[Mask]
+) -> tuple[float, float]:
+    """The share of a joint's squared residual in its lower bands, and white noise's.
+
+    Those are all but the highest, or fewer where the joint's own low-pass leaves noise little beyond them.
+    residual, used: a run, (M,), some of it used.
+    """
+    squares = _squares(runs, residual, used).sum(axis=0)
+    white = np.cumsum(_white(runs, joint, used))
+    bands = max(int(np.sum(white <= MOST_OF_WHITE)), 1)
+    return float(squares[:bands].sum() / max(float(squares.sum()), SMALLEST)), float(white[bands - 1])
 
 
 def band_names() -> tuple[str, ...]:

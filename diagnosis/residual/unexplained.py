@@ -16,7 +16,7 @@ from ..model.hypothesis import LATE, design
 from .localisation import regime_shares
 from .noise import noise
 from .shares import RegimeShare
-from .spectrum import PERIODIC
+from .spectrum import PERIODIC, slow_share
 
 Array = NDArray[np.float64]
 
@@ -28,8 +28,8 @@ SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
 
 # What is left counts without any function to follow where it is this share of the joint's RMS torque (a
 # healthy one leaves one or two per cent), so many times the noise, and this share of what re-identification
-# left; where no noise is known, most of that.
-MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT, MOST_LEFT = 0.03, 6.0, 0.2, 0.5
+# left; where no noise is known, most of that, and most of it as slow as the motion.
+MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT, MOST_LEFT, SLOW = 0.03, 6.0, 0.2, 0.5, 0.5
 # A law that only resembles the joint's leaves more: where an effect has a name, this share is enough, or most
 # of it with so many times the noise.
 NAMED_LEFT, NAMED_NOISE = 0.1, 3.0
@@ -188,8 +188,9 @@ def _of_nothing(first: Stage, last: Stage, named: Collection[int]) -> Iterator[U
     times, is_large = _rms(last) / of_sensors.rms, _relative(last) > MISFIT_TORQUE
     is_loud = of_sensors.seen & (times > MISFIT_NOISE)
     is_misfit = is_loud & (has_name & (left > NAMED_LEFT) | is_large & (left > MISFIT_LEFT))
-    unseen = ~of_sensors.seen & (has_name | is_large)
-    is_misfit |= (unseen | has_name & (times > NAMED_NOISE)) & (left > MOST_LEFT)
+    is_misfit |= has_name & (~of_sensors.seen | (times > NAMED_NOISE)) & (left > MOST_LEFT)
+    for joint in np.flatnonzero(~of_sensors.seen & is_large & (left > MOST_LEFT)).tolist():
+        is_misfit[joint] |= _slow(last, joint) > SLOW
     is_misfit &= (left < MISFIT_WORSE) & ~is_extrapolated(squares(last.fitted.residual), last.held_squares)
     # The rounding of a log is a function of its torque.
     is_misfit &= _rms(last) > QUANTISED * last.prepared.torque_step
@@ -199,6 +200,14 @@ def _of_nothing(first: Stage, last: Stage, named: Collection[int]) -> Iterator[U
             is_misfit[list(push.member.rows)] = False
     for joint in np.flatnonzero(is_misfit).tolist():
         yield Unclaimed(joint, NOTHING, min(float(left[joint]), 1.0))
+
+
+def _slow(stage: Stage, joint: int) -> float:
+    """Share of a joint's squared residual in the frequencies of its motion: 0 for noise, 1 for no noise."""
+    own = [run[:, joint] for run in stage.fitted.held_out]
+    used = [run[:, joint] for run in stage.hypothesis.used]
+    share, expected = slow_share(stage.prepared.runs, joint, own, used)
+    return (share - expected) / (1 - expected)
 
 
 def _rms(stage: Stage) -> Array:

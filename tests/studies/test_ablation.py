@@ -133,9 +133,9 @@ def without(off: str | None) -> ModuleType:
 def test_a_number_and_a_function_are_neutralised() -> None:
     module = without("plausibility.materiality.SMALLEST_WALD = inf")
     assert math.isinf(module.SMALLEST_WALD)
-    module = without("plausibility.materiality.is_large = True")
-    assert (module.is_large(), module.SMALLEST_WALD) == (True, 25.0)
-    assert without("plausibility.materiality.TRANSMISSION_SHARE = 0").TRANSMISSION_SHARE == 0
+    module = without("plausibility.materiality.is_material = True")
+    assert (module.is_material(), module.SMALLEST_WALD) == (True, 25.0)
+    assert without("plausibility.materiality.OF_ENCODERS = 0").OF_ENCODERS == 0
     assert isinstance(without(None).SMALLEST_WALD, Traced)
 
 

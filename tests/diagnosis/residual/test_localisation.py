@@ -1,6 +1,7 @@
 """Where a residual with a known cause lies: position, periods, bands of frequency."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ from diagnosis.data.preparation import Prepared, prepare
 from diagnosis.data.run import Run
 from diagnosis.residual.localisation import densest, regime_shares
 from diagnosis.residual.shares import RegimeShare
+from diagnosis.residual.spectrum import slow_share
 from testbench.robot import Robot
 
-from ...diagnosed import simulated_runs
+from ...diagnosed import measured_only, simulated_runs
 from ...small_arm import small_arm
 
 JOINT = 1
@@ -117,3 +119,40 @@ def test_bands_add_up_and_a_joint_without_gap_has_no_regimes(prepared: Prepared)
     bands = [each for each in shares(prepared, white) if each.aspect == "frequency"]
     assert sum(each.share for each in bands) == pytest.approx(1)
     assert shares(prepared, lambda run, rng: np.zeros(len(run.logged.time))) == []
+
+
+@pytest.fixture(scope="module")
+def noisily_coded(robot: Robot) -> Prepared:
+    """Encoders so noisy that the bands end at about eight hertz."""
+    rng, runs = np.random.default_rng(2), simulated_runs(robot, [], 3)
+    return prepare(
+        robot,
+        {
+            name: replace(
+                measured_only(run), position=run.position + 1e-3 * rng.standard_normal(run.position.shape)
+            )
+            for name, run in runs.items()
+        },
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("band", "hertz"), [("prepared", 3.7), ("noisily_coded", 2.3)])
+def test_noise_is_as_fast_as_its_low_pass_and_what_follows_motion_is_slow(
+    request: pytest.FixtureRequest, band: str, hertz: float, seed: int
+) -> None:
+    runs = request.getfixturevalue(band).runs
+
+    def slow(torque: Torque) -> tuple[float, float]:
+        rng = np.random.default_rng(seed)
+        residual = [run.filtered(torque(run, rng)[:, None], [JOINT])[:, 0] for run in runs]
+        return slow_share(runs, JOINT, residual, [run.used[:, JOINT] for run in runs])
+
+    def hum(run: Run, rng: np.random.Generator) -> np.ndarray:
+        return np.sin(2 * np.pi * hertz * run.logged.time)
+
+    share, expected = slow(white)
+    assert expected < 0.75
+    # Three runs of some 400 samples at twice the band's Nyquist rate: 600 squares, of which half are slow.
+    assert share == pytest.approx(expected, abs=5 * np.sqrt(expected * (1 - expected) / 600 * 2))
+    assert slow(hum)[0] > 0.97
