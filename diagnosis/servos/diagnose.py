@@ -16,12 +16,12 @@ from testbench.drives.stated import LONGEST_DELAY, Servo
 from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
-from ..decision.probability import held_by, share_explained
+from ..decision.probability import held_by
 from .contest import ACCEPTED, Contest, Round
 from .evidence import Weighed
 from .findings import Experiment, ServoCandidate, ServoDiagnosis, ServoFault, ServoShare
 from .healthy import healthy_unknowns
-from .held_out import held_out_errors, limb_of_own
+from .held_out import held_out_errors, judged, limb_of_own
 from .sizes import Sizes, sizes_of
 
 Array = NDArray[np.float64]
@@ -30,12 +30,6 @@ Array = NDArray[np.float64]
 CONFUSABLE, LISTED = 0.03, 0.01
 # A model as given that is no worse than this times the re-identified one explains the runs.
 AS_GOOD = 1.1
-# Effects with which left-out halves are missed by more than this times are not stated.
-WORSE = 1.02
-# Position errors that are less than this times the noise say nothing of the servo.
-ABOVE_NOISE = 2.0
-# Of the squared error above that, what goes with an effect that is stated.
-HALF = 0.5
 # Of a joint's RMS speed: slower is near rest, faster is fast.
 NEAR_REST, FAST = 0.2, 1.5
 # A regime is said where the squared error is so many times as dense there.
@@ -127,82 +121,11 @@ def _of_limb(
     final = rounds[-1].base.fit
     hypotheses = [base, final] if stated else [base]
     errors = held_out_errors(limb, table, hypotheses, own, threads)
-    stated, kept, notes = _judged(limb, stated, errors, sizes)
+    stated, kept, notes = judged(limb, stated, errors, sizes)
     if not kept:
         final, errors[-1] = base, errors[1]
     three = errors[0], errors[1], errors[-1]
     return _OfLimb(limb, base, final, tuple(rounds), tuple(stated), three, sizes, tuple(notes))
-
-
-def _judged(
-    limb: Limb, accepted: list[Weighed], errors: Sequence[Array], sizes: Sizes
-) -> tuple[list[Weighed], bool, list[str]]:
-    """The effects that are stated, whether the fit with them is kept, and why not.
-
-    errors: (n,) each, by the model as given, re-identified, and with the effects where there are any.
-    """
-    if np.any(missed := errors[-1] > np.maximum(sizes.tracking, ABOVE_NOISE * sizes.noise)):
-        names = ", ".join(np.array(limb.chain.joint_names)[missed])
-        note = (
-            f"At {names} the simulated loop misses the position by more than the command itself does: the "
-            "stated servo is not what moved it, and nothing is stated of this limb."
-        )
-        return [], False, [note]
-    if accepted and not _is_no_worse(errors[-1], errors[1], sizes):
-        names = " and ".join(_in_words(each, limb) for each in accepted)
-        return (
-            [],
-            False,
-            [f"{names}: not stated, since halves that were not fitted are predicted worse with it."],
-        )
-    little = [each for each in accepted if not _explains(each, errors[1], errors[-1], sizes.noise)]
-    second = _beside_another([each for each in accepted if each not in little])
-    notes = [
-        f"{' and '.join(_in_words(each, limb) for each in left_out)}: in the corrected model, but not "
-        f"stated, since {why}."
-        for left_out, why in (
-            (little, "less than half of the squared error of halves that were not fitted goes with it"),
-            (second, "another effect is, at that joint: a law that is nearly the joint's leaves as much"),
-        )
-        if left_out
-    ]
-    return [each for each in accepted if each not in (*little, *second)], True, notes
-
-
-def _beside_another(accepted: Sequence[Weighed]) -> list[Weighed]:
-    """The effects at a joint that has one already; the likeliest comes first."""
-    places = [(each, each.fitted.place) for each in accepted]
-    own = [(each, place.joint) for each, place in places if place is not None and place.joint is not None]
-    return [each for index, (each, joint) in enumerate(own) if joint in [at for _, at in own[:index]]]
-
-
-def _is_no_worse(effects: Array, parameters: Array, sizes: Sizes) -> bool:
-    """Whether errors are no worse, each joint's in units of what re-identification leaves there.
-
-    Re-identified parameters may take in a wrong gain to the noise: then both predict alike.
-    """
-    scale = np.maximum(parameters, sizes.noise) + 1e-12
-    return bool(np.mean((effects / scale) ** 2) <= WORSE**2 * np.mean((parameters / scale) ** 2))
-
-
-def _explains(each: Weighed, parameters: Array, effects: Array, noise: Array) -> bool:
-    """Whether half of the squared error goes with an effect, or next to none is left before.
-
-    Of what re-identified parameters take in, it is the shift of these that goes with it.
-    """
-    place = each.fitted.place
-    assert place is not None
-    own = np.arange(len(noise)) if place.joint is None else np.array([place.joint])
-    before, after, floor = (float(np.sum(part[own] ** 2)) for part in (parameters, effects, noise))
-    share = (before - after) / max(before - floor, 1e-300)
-    return before <= ABOVE_NOISE**2 * floor or share_explained(share, each.spared) >= HALF
-
-
-def _in_words(each: Weighed, limb: Limb) -> str:
-    place = each.fitted.place
-    assert place is not None
-    where = "" if place.joint is None else f" at {limb.chain.joint_names[place.joint]}"
-    return f"{place.effect.title}{where}"
 
 
 def _faults(found: _OfLimb, most: float) -> list[ServoFault]:
