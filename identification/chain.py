@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from .errors import InputError
 from .followers import Followers, followers_in, parameters_at_joints, springs_at_joints
+from .joint_names import joint_label
 from .kinematics import moving
 from .parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT, VISCOUS, inertial_parameters
 
@@ -192,7 +193,7 @@ def chain_from_model(model: Any) -> tuple[Chain, Array]:
     parameters[:, ARMATURE] = model.dof_armature
     parameters[:, VISCOUS] = np.asarray(model.dof_damping).reshape(n, -1)[:, 0]
     parameters[:, COULOMB] = model.dof_frictionloss
-    names = tuple(model.joint(j).name or f"joint_{j + 1}" for j in range(n))
+    names = tuple(joint_label(model, j) for j in range(n))
     _require_distinct(names)
     _require_none_negative(parameters, names)
     chain = Chain(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
+from .joint_names import joint_label
 from .parameters import INERTIAL, PER_JOINT
 
 Array = NDArray[np.float64]
@@ -26,7 +27,7 @@ TERMS = 5
 
 @dataclass(frozen=True)
 class Follows:
-    """What one joint follows: the leader's index, q = ratio q_leader + offset; through: joints in between."""
+    """A joint's leader, by its index, with q = ratio q_leader + offset; through: joints in between."""
 
     leader: int
     ratio: float
@@ -132,7 +133,8 @@ def obstacle(model: Any, joint: int, follows: Follows, moving: set[int]) -> str:
     """
     for outer in sorted(moving):
         if outer < follows.leader and carries(model, joint, outer):
-            return f"it carries {_name(model, outer)}, which comes before {_name(model, follows.leader)}"
+            names = (joint_label(model, each) for each in (outer, follows.leader))
+            return "it carries {}, which comes before {}".format(*names)
     bent = model.jnt_stiffnesspoly[[joint, follows.leader]].any(axis=1)
     if bent[0] or (bent[1] and model.jnt_stiffness[joint]):
         return "its spring and its leader's are no linear one together"
@@ -207,7 +209,3 @@ def carries(model: Any, joint: int, outer: int) -> bool:
         if body == own:
             return True
     return False
-
-
-def _name(model: Any, joint: int) -> str:
-    return model.joint(joint).name or f"joint_{joint + 1}"

@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.chain import gravity
 from identification.followers import followed
+from identification.joint_names import joint_label
 
 # Of a dcmotor in biasprm and dynprm: amplitude of the cogging, stiffness of the LuGre bristles.
 COGGING, BRISTLES = 0, 5
@@ -27,7 +28,7 @@ def unmodelled_forces(model: Any) -> tuple[str, ...]:
 
 def _of_joints(model: Any) -> Iterator[str]:
     for joint in range(model.njnt):
-        name = model.joint(joint).name or f"joint_{joint + 1}"
+        name = joint_label(model, joint)
         if model.jnt_plasticadr[joint] >= 0:
             yield f"springyield {_text(model.jnt_springyield[joint])} of joint {name}"
         damping = [model.dof_damping[joint], *model.dof_dampingpoly[joint]]

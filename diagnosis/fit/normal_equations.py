@@ -57,16 +57,6 @@ class Fit:
         own = self.values[part]
         return float(own @ np.linalg.pinv(self.covariance[part, part]) @ own)
 
-    def wald_by_folds(self, part: slice) -> float:
-        """The same by how the values differ without one fold or another; they count as independent.
-
-        The jackknife (Tukey, Ann. Math. Statist. 29, 1958), which takes no noise for granted.
-        """
-        own, apart = self.values[part], self.apart[:, part]
-        variance = (len(apart) - 1) * np.var(apart, axis=0)
-        # What is at a bound in every fold differs by nothing.
-        return float(np.sum(own**2 / (variance + np.finfo(float).eps * own**2 + np.finfo(float).tiny)))
-
 
 class Normal:
     """Sums over each fold's used rows of one joint: X'X (F, n, p, p) and X'y (F, n, p)."""

@@ -114,10 +114,6 @@ class Stage:
         """RMS torque that a candidate takes off each joint's held-out residual, (n,) N·m."""
         return np.sqrt(np.maximum(gain.held_out, 0) / np.maximum(self.counts, 1))
 
-    def torque_shares(self, gain: Gain) -> Array:
-        """The same as a share of each joint's RMS torque, (n,)."""
-        return self.removed(gain) / self.ground.torque_rms
-
     def as_fitted(self, gain: Gain, trial: tuple[Design, Fit]) -> Gain:
         """A candidate's gain as the hypothesis with it, fitted in full, has it: by weights of its own."""
         hypothesis, fitted = trial

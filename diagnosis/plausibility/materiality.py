@@ -12,7 +12,7 @@ from testbench.robot import Robot
 
 from ..fit.likelihood import Weighed, by_chance, gained, gained_by_shift, gained_elsewhere
 from ..fit.score import Gain, Stage
-from ..model.effect_sizes import ECCENTRICITY, ELASTIC, OFFSET, is_beyond_healthy
+from ..model.effect_sizes import ELASTIC, is_beyond_healthy
 from ..model.hypothesis import LATE
 
 Array = NDArray[np.float64]
@@ -29,8 +29,6 @@ SMALLEST_ELSEWHERE = 7.5
 SMALLEST_WALD, BEYOND, SMALLEST_GAIN = 25.0, 3.0, 10.0
 # An elasticity takes away torque that noise of the encoders seems to add: this multiple of that is more.
 OF_ENCODERS = 2.0
-NEAR_REST = "stribeck_friction"
-OF_ENCODER = (OFFSET, ECCENTRICITY)
 
 
 def is_material(robot: Robot, stage: Stage, weighed: Weighed) -> bool:

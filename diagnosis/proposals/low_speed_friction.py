@@ -29,7 +29,6 @@ from ..fit.score import Stage
 from ..model.candidates import Candidate, without_law
 from ..model.effect_sizes import BRISTLES
 from ..model.gram import Bank
-from ..plausibility.materiality import NEAR_REST
 from .standing_drive import apart_from_standing, standing_drives
 
 Array = NDArray[np.float64]
@@ -48,6 +47,7 @@ MORE = 1.3
 AS_MUCH = 0.5
 # And the share of the joint's samples that must be left.
 FEWEST = 0.25
+FALLING = "stribeck_friction"
 # s: leads l that are tried, how far apart they are, and the widths that each is tried with.
 LEADS, LEADS_APART, LEADING_WIDTHS = (0.0045, 0.0065, 0.0095, 0.014), 1.45, (0.0, 0.012)
 # Of so many joints, where there are as many: it is the simulator's, not a joint's. And this share of Coulomb
@@ -166,7 +166,7 @@ def _soft(stage: Stage, least: Array, soft: Bank) -> dict[int, float]:
 def _is_left(stage: Stage, joint: int, width: float) -> bool:
     """Whether softness is only what a joint's falling friction leaves: it explains little without that."""
     accepted = stage.hypothesis.accepted
-    falling = [c for c in accepted if c.family.effect == NEAR_REST and c.family.joint == joint]
+    falling = [c for c in accepted if c.family.effect == FALLING and c.family.joint == joint]
     if not falling:
         return False
     rest = [c for c in accepted if c is not falling[0]]

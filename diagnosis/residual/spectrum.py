@@ -22,7 +22,6 @@ Mask = NDArray[np.bool_]
 
 # What the two spectra are called as aspects of a gap.
 FREQUENCY, PERIODIC = "frequency", "period"
-SPECTRAL = (FREQUENCY, PERIODIC)
 # Hz, where bands meet.
 EDGES = (1.0, 5.0, 10.0)
 # Positions are put into so many bins a turn (or metre); lines are resolved up to a tenth of that.

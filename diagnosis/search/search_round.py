@@ -1,4 +1,4 @@
-"""A round of the search: what explains most of what a hypothesis leaves, and if its size is certain."""
+"""A round of the search: the effect that explains most of what a hypothesis leaves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,9 +27,9 @@ AS_NOTHING = 1.0
 LEAST_SPRING = 0.15
 # A push that explains so many times what any effect does is seen first: it would be taken for effects.
 FAR_MORE = 3.0
-# What gains this share of the most that any effect does may be it.
+# A limit that gains less than this share of what a push at its joint does is none.
 AS_MUCH = 0.7
-# And with this share of a joint's squared residual it is what acts there.
+# With this share of another joint's squared residual an effect is what acts there, and no limit.
 NEARLY_ALL = 0.9
 
 

@@ -14,10 +14,9 @@ from ..fit.normal_equations import Fit
 from ..fit.score import Stage
 from ..fit.shape_search import searched_for
 from ..model.candidates import DELAY, Candidate
-from ..model.effect_sizes import LAG, SPRINGS
+from ..model.effect_sizes import ECCENTRICITY, LAG, OFFSET, SPRINGS
 from ..model.gram import Bank
 from ..model.hypothesis import Design
-from ..plausibility.materiality import OF_ENCODER
 from ..proposals.laws import MORE_TRIED, by_its_law, late_alone, refined
 
 Array = NDArray[np.float64]
@@ -123,7 +122,7 @@ def _by_all_runs(
 
     def is_alike(index: int) -> bool:
         other = listed[index].family
-        if other.joint == family.joint and {other.effect, family.effect} <= set(OF_ENCODER):
+        if other.joint == family.joint and {other.effect, family.effect} <= {OFFSET, ECCENTRICITY}:
             return True
         near = found[index] > found[first] - AS_LIKELY
         return near and other.effect == family.effect and bends_parameters(family)

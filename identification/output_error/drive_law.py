@@ -1,9 +1,10 @@
-"""What a position servo gives in a step, and how much friction may oppose it: the laws of plant.py."""
+"""Torque of a position servo in a step, and the most friction that may oppose it: the laws of plant.py."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kinematics import kernel
+from ..parameters import COULOMB
 from .plant import (
     BACK_EMF,
     DEADBAND,
@@ -121,7 +122,7 @@ def friction_slopes(
     slip = speed / own[STRIBECK_VELOCITY]
     peak = np.exp(-slip * slip)
     by_slip = -2.0 * slip * own[EXTRA] * peak
-    out[12], out[EXTRA], out[LOAD_FRICTION] = share, share * peak, share * abs(load)
+    out[COULOMB], out[EXTRA], out[LOAD_FRICTION] = share, share * peak, share * abs(load)
     out[FRICTION_SLOPE] = share * (position - own[FRICTION_CENTRE])
     out[FRICTION_CENTRE] = -share * own[FRICTION_SLOPE]
     out[STRIBECK_VELOCITY] = -share * by_slip * slip / own[STRIBECK_VELOCITY]

@@ -201,7 +201,7 @@ def _carry(
                 middle[j, c] = position[j, c] + 0.5 * h * speed[j, c]
                 ahead[j, c] = speed[j, c] + 0.5 * h * acceleration[j, c]
         for j in range(n):
-            by, resisted = slopes[s, j], trace[s, j, DAMPED] + table[j, 11]
+            by, resisted = slopes[s, j], trace[s, j, DAMPED] + table[j, VISCOUS]
             for c in range(m):
                 motion[j, c] = by_links[s, j, c]
             for i in range(n):
@@ -215,7 +215,7 @@ def _carry(
                 new[j, c] = -h * (motion[j, c] + forced)
         _solve_free(trace[s], factor, new)
         for j in range(n):
-            resisted = trace[s, j, DAMPED] + table[j, 11]
+            resisted = trace[s, j, DAMPED] + table[j, VISCOUS]
             _add_inertia(trace[s, j], j, 1.0 / h, 0.5 * h * resisted, new, motion[j])
         for j in range(n):
             for c in range(m):

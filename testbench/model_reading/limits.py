@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 from identification.followers import Follows, followed
-
-from .wording import joint_label
+from identification.joint_names import joint_label
 
 Array = NDArray[np.float64]
 VELOCITY, ACCELERATION = "velocity_limit", "acceleration_limit"

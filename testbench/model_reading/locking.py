@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import InputError
-from identification.followers import followed
+from identification.followers import JOINT_EQUALITY, followed
+from identification.joint_names import joint_label
 
-from .selection import FREE, HINGE_OR_SLIDE, JOINT_EQUALITY, JOINT_WRAP, Selection
-from .wording import joint_label, listed
+from .selection import FREE, HINGE_OR_SLIDE, JOINT_WRAP, Selection
+from .wording import listed
 
 Array = NDArray[np.float64]
 # Rotation (3, 3) and translation (3,) m.

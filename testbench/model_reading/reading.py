@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from identification.errors import InputError
 from identification.followers import followed
+from identification.joint_names import joint_label
 
 from .assets import compiled_mjcf
 from .limits import VELOCITY, rated_at_leaders, rated_by_numerics, write_numerics
 from .locking import lock
 from .selection import WEIGHTLESS, select
 from .urdf import Urdf, compiled_urdf, read_urdf, xml_root
-from .wording import joint_label
 
 Array = NDArray[np.float64]
 

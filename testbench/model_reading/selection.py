@@ -8,15 +8,14 @@ import mujoco
 import numpy as np
 
 from identification.errors import InputError
-from identification.followers import carries, followed, obstacle
+from identification.followers import JOINT_EQUALITY, carries, followed, obstacle
+from identification.joint_names import joint_label
 
 from .limits import leaders_range, own_range
 from .urdf import LEAST
-from .wording import joint_label
 
 HINGE_OR_SLIDE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
-JOINT_EQUALITY = int(mujoco.mjtEq.mjEQ_JOINT)
 TENDON_EQUALITY = int(mujoco.mjtEq.mjEQ_TENDON)
 TENDON_DRIVE = int(mujoco.mjtTrn.mjTRN_TENDON)
 JOINT_WRAP = int(mujoco.mjtWrap.mjWRAP_JOINT)

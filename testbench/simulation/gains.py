@@ -21,6 +21,7 @@ from identification.chain import Chain
 from identification.errors import InputError
 from identification.followers import followed
 from identification.inverse_dynamics import inverse_dynamics, mass_matrices
+from identification.joint_names import joint_label
 from identification.parameters import PER_JOINT, VISCOUS
 
 from .controller import ControllerOptions
@@ -183,8 +184,7 @@ def servo_gains(model: Any) -> Gains:
     found = followed(model)
     own = [joint for joint in range(n) if joint not in found]
     for joint in [joint for joint in own if kp[joint] <= 0]:
-        name = model.joint(joint).name or f"joint_{joint + 1}"
         expected = "a position actuator on every joint; else choose pd_with_model_feedforward or pd"
-        raise InputError("simulation", "controller model", expected, f"none on {name}")
+        raise InputError("simulation", "controller model", expected, f"none on {joint_label(model, joint)}")
     unknown = np.full(len(own), np.nan)
     return Gains(kp[own], kd[own], unknown, unknown, unknown)

@@ -31,7 +31,7 @@ JOINT_ROWS, HEAD = 5, 2
 
 
 def led_memory(full: Followers | None) -> Array:
-    """What the kernels here work on, flat; empty where no joint follows another.
+    """The arrays that the kernels here work on, flat; empty where no joint follows another.
 
     n and m, the joints' own links and the followers', the table of links, lambda, the factor of J M^-1 J',
     the rows of the joints.

@@ -51,14 +51,3 @@ def test_links_are_held_tightly_beside_friction_that_nobody_knew(tmp_path):
     scales = fitted_to(prepare(model, simulated_runs(arm, [], runs=2)), [])[1].prior_scales
     assert scales[FRICTION] > 1
     assert scales[LINKS] < 1.5 * BEST_MODEL
-
-
-def test_a_size_that_differs_without_one_run_or_another_is_uncertain_however_little_noise_there_is(tmp_path):
-    arm = small_arm(tmp_path)
-    _, fitted = fitted_to(prepare(arm, simulated_runs(arm, [], runs=3)), [])
-    values, apart = fitted.values.copy(), np.zeros((3, len(fitted.values)))
-    values[:2], apart[:, 0], apart[:, 1] = 2.0, (1.9, 2.1, 2.0), 2.0
-    found = replace(fitted, values=values, apart=apart)
-    # The jackknife's variance is (F - 1) / F of the sum of squares about the mean.
-    assert found.wald_by_folds(slice(0, 1)) == pytest.approx(2.0**2 / (2 / 3 * 0.02))
-    assert found.wald_by_folds(slice(1, 2)) > 1e12
