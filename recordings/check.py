@@ -11,21 +11,38 @@ from rich.console import Console, Group
 from rich.text import Text
 
 from testbench.log import Recording
-from testbench.robot import Robot, load_robot
-from testbench.runs import read_runs, run_names
+from testbench.model_reading.reading import Choice
+from testbench.robot import Robot, load_robot, print_notes
+from testbench.runs import opened_runs, run_names
 from testbench.summary import WIDTH, finding_line
 
 from .checks import Finding, Severity, run_checks
 
 
-def check_logs(model: Path, logs: Sequence[Path], as_json: bool = False) -> tuple[Finding, ...]:
-    """Check the logs against the model and print what is found. Raises InputError for unreadable files."""
-    robot = load_robot(model)
-    recordings = dict(zip(run_names(logs), read_runs(logs, robot), strict=True))
+def check_logs(
+    model: Path,
+    logs: Sequence[Path],
+    as_json: bool = False,
+    map_path: Path | None = None,
+    choice: Choice | None = None,
+    joint_names: Sequence[str] | None = None,
+) -> tuple[Finding, ...]:
+    """Check the logs against the model and print what is found. Raises InputError for unreadable files.
+
+    map_path: how recordings that are no robot-logs are read. choice: of the model; joint_names, of the first
+    log, are the robot's where it names none.
+    """
+    robot = load_robot(model, choice, joint_names)
+    runs, guessed = opened_runs(logs, robot, map_path)
+    recordings = dict(zip(run_names(logs), runs, strict=True))
     found = run_checks(robot, recordings)
     if as_json:
-        print(json.dumps(document(robot, recordings, found), indent=2, ensure_ascii=False))
+        whole = {**document(robot, recordings, found), "notes": [*robot.notes, *guessed]}
+        print(json.dumps(whole, indent=2, ensure_ascii=False))
         return found
+    print_notes(robot)
+    for line in guessed:
+        print(line)
     console = Console()
     if not console.is_terminal:
         console.width = WIDTH

@@ -112,6 +112,11 @@ def _has_columns(table: Table, mapping: Mapping) -> bool:
     return wanted <= names and (mapping.time.column is None or mapping.time.column in times)
 
 
+def is_guessed(path: Path, map_path: Path | None) -> bool:
+    """Whether nothing says which column of a file is which. Raises InputError for a file of no format."""
+    return reader_of(path).FORMAT is not ROBOT_LOG and (map_path or map_beside(path)) is None
+
+
 def said(opened: Sequence[Opened], model: Path | None) -> list[str]:
     """Lines on what was guessed and done: two for each guess, one for each file with notes or a mapping."""
     lines: list[str] = []

@@ -10,6 +10,7 @@ from rich.text import Text
 from identification.errors import InputError
 from testbench.files import require_writable
 from testbench.log import write_log
+from testbench.model_reading.reading import Choice
 from testbench.robot import load_robot
 
 from .door import Door, Opened, in_short
@@ -19,17 +20,24 @@ from .mapping_file import OF_FOLDER, own_map, write_mapping
 WIDTH = 110
 
 
-def import_files(files: Sequence[Path], model: Path | None, map_path: Path | None, out: Path) -> None:
+def import_files(
+    files: Sequence[Path],
+    model: Path | None,
+    map_path: Path | None,
+    out: Path,
+    choice: Choice | None = None,
+) -> None:
     """Write a robot-log of each run in the files, and the mapping where it was guessed; say how each is read.
 
-    out: a log for one run, a folder for several. Raises InputError; no log is written then, but where nothing
-    says what the drives did the mapping is, so that it can be completed.
+    out: a log for one run, a folder for several. choice: which of the model's joints were logged. Raises
+    InputError; no log is written then, but where nothing says what the drives did the mapping is, so that it
+    can be completed.
     """
     if not files:
         raise InputError("import", "FILE", "at least one recording", "none")
     joints = None
     if model is not None:
-        robot = load_robot(model)
+        robot = load_robot(model, choice)
         joints = joints_of(robot.chain, robot.limits)
     is_folder = len(files) > 1 or out.is_dir() or not out.suffix
     map_out = out / OF_FOLDER if is_folder else own_map(out)

@@ -8,14 +8,15 @@ import numpy as np
 
 from identification.chain import Chain
 from identification.errors import InputError
-from recordings.door import Door, said
-from recordings.joints import joints_of
+from recordings.door import Door, is_guessed, said
+from recordings.joints import Joints, joints_of
 
 from .degrees import in_radians
 from .drive import SIGNALS
 from .drives.signal_torque import torque_of_signal
 from .log import Recording, check_joints, in_model_order
-from .robot import Limits, Robot
+from .model_reading.reading import Choice
+from .robot import Limits, Robot, load_robot
 
 
 def read_runs(paths: Sequence[Path], robot: Robot, map_path: Path | None = None) -> list[Recording]:
@@ -67,22 +68,50 @@ class FirstLook:
     servo: bool
 
 
-def first_look(path: Path, map_path: Path | None = None) -> FirstLook:
-    """The joints that a recording names, and whether it is one of position servos without torque."""
+def first_look(
+    path: Path, model: Path, choice: Choice | None = None, map_path: Path | None = None
+) -> FirstLook:
+    """The joints that a recording names, and whether it is one of position servos without torque.
+
+    model, choice: of the robot, by whose joints the columns of a recording without a map are known.
+    """
+    joints = _joints_to_guess_by(path, model, choice, map_path)
     try:
-        recording = Door(None, map_path).log(path).recording
+        recording = Door(joints, map_path).log(path).recording
     except InputError:
         # Torque that is wrong does not keep its joints from being read.
-        return FirstLook(logged_joints(path, map_path), False)
+        return FirstLook(_named(path, joints, map_path), False)
     return FirstLook(recording.joint_names, recording.servo is not None and not recording.has_torque)
 
 
-def logged_joints(path: Path, map_path: Path | None = None) -> tuple[str, ...] | None:
-    """The joints that a recording names; None where it cannot be read, which its reader then says."""
+def logged_joints(
+    path: Path, model: Path, choice: Choice | None = None, map_path: Path | None = None
+) -> tuple[str, ...] | None:
+    """The joints that a recording names; None where it cannot be read, which its reader then says.
+
+    model, choice: as of ``first_look``.
+    """
+    return _named(path, _joints_to_guess_by(path, model, choice, map_path), map_path)
+
+
+def _named(path: Path, joints: Joints | None, map_path: Path | None) -> tuple[str, ...] | None:
     try:
-        return Door(None, map_path).log(path, with_torque=False).recording.joint_names
+        return Door(joints, map_path).log(path, with_torque=False).recording.joint_names
     except InputError:
         return None
+
+
+def _joints_to_guess_by(
+    path: Path, model: Path, choice: Choice | None, map_path: Path | None
+) -> Joints | None:
+    """The model's joints where columns are guessed; None where the log or a map names its joints itself."""
+    try:
+        if not is_guessed(path, map_path):
+            return None
+        robot = load_robot(model, choice)
+    except InputError:
+        return None
+    return joints_of(robot.chain, robot.limits)
 
 
 def read_motion(path: Path, chain: Chain, limits: Limits, map_path: Path | None = None) -> Recording:

@@ -105,6 +105,8 @@ def _top(torque: Sequence[Array], step: float) -> _Top | None:
     beyond = float(np.sum(pooled > level + width))
     if not any(flat) or beyond > BEYOND * sum(float(i.sum()) for i in inside):
         return None
+    if level <= width:
+        return None
     # What only passes the level, or rests there once, is none of it.
     return _Top(level, width, [i & is_flat for i, is_flat in zip(inside, flat, strict=True)])
 

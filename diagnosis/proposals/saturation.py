@@ -90,6 +90,8 @@ def cuts(prepared: Prepared) -> list[list[Cut]]:
         limits = np.quantile(asked, 1 - np.array(CLIPPED))
         if np.mean(asked > AT_PEAK * np.quantile(asked, PEAK)) > HELD:
             limits = np.append(limits, asked.max() * OF_PEAK)
+        # Within one of its steps the log does not tell a limit from rounding.
+        limits = limits[limits > prepared.torque_step[joint]]
         return [_cut(prepared, family, limit) for limit in np.unique(limits)[::-1].tolist()]
 
     with ThreadPoolExecutor() as pool:

@@ -103,7 +103,8 @@ def _is_certain(first: Candidate, best: Candidate) -> bool:
 def _suspected(finding: Finding, best: Candidate) -> Finding:
     left = float(np.sqrt(np.nanmean(best.explained.left**2)))
     sentence = f"suspected, since {left:.0%} of the torque is left even so: {finding.sentence}"
-    bars = finding.code != "torque_scale"
+    # What would make every answer meaningless makes every name doubtful.
+    bars = finding.bars_names or finding.severity is Severity.STOP
     return Finding(
         Severity.WARN, finding.code, sentence, finding.joints, finding.run, finding.field, bars_names=bars
     )

@@ -42,10 +42,15 @@ class Group:
         names = [member.column.name for member in self.members]
         return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}"
 
+    def is_named(self, count: int) -> bool:
+        """Whether its columns are known by the names of their joints, of so many, and not by their order."""
+        named = {member.joint for member in self.members if member.joint is not None}
+        return bool(named) and 2 * len(named) >= min(len(self.members), count)
+
     def by_joint(self, count: int) -> tuple[dict[int, Column], str]:
         """Columns by index of their joint, of so many joints, by name or by order, and why."""
-        named = {member.joint: member.column for member in self.members if member.joint is not None}
-        if named and 2 * len(named) >= min(len(self.members), count):
+        if self.is_named(count):
+            named = {member.joint: member.column for member in self.members if member.joint is not None}
             return named, "by the joints' names"
         numbers = [member.number for member in self.members]
         members = list(self.members)
@@ -60,8 +65,6 @@ class Group:
             return {}, "one column without a joint"
         if len(members) > count:
             reason += f", the first {count} of {len(members)} columns"
-        elif len(members) < count:
-            reason += f", {len(members)} columns for the first of {count} joints"
         return {joint: member.column for joint, member in zip(range(count), members, strict=False)}, reason
 
 

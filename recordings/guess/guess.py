@@ -63,6 +63,10 @@ def guess_mapping(table: Table, joints: Joints | None = None) -> Guess:
         raise InputError(table.path, "position", expected, "none that a name or a format tells", names)
     placed, why = first.by_joint(len(joints.names))
     chosen = sorted(placed)
+    if joints.are_of_model and len(chosen) < len(joints.names) and not first.is_named(len(joints.names)):
+        expected = f"a column for each of the model's {len(joints.names)} joints, or --joints with the logged"
+        got = f"{len(chosen)} columns without a joint's name ({first.title})"
+        raise InputError(table.path, "position", expected, got, joints.names)
     joints = joints.some(chosen)
     stream = next(each for each in table.streams if each.name == first.stream)
     clock = clock_of(table, stream)

@@ -44,7 +44,7 @@ def load_robot(
 
     folders = {name: Path(folder) for name, folder in (packages or {}).items()}
     choice = Choice(None if joints is None else tuple(joints), fix_base, folders)
-    robot = load(model, choice, None if log is None else logged_joints(Path(log)))
+    robot = load(model, choice, None if log is None else logged_joints(Path(log), Path(model), choice))
     note(f"{robot.path.name}: {each}" for each in robot.notes)
     return robot
 

@@ -54,7 +54,7 @@ def diagnose(
 
     from ..runs import first_look
 
-    stated, look = drives.stated(), first_look(logs[0], map)
+    stated, look = drives.stated(), first_look(logs[0], model, chosen.choice(), map)
     if stated is not None or look.servo:
         from diagnosis.servos.job import WRITTEN as WRITTEN_OF_SERVOS
         from diagnosis.servos.job import diagnose_servo_logs

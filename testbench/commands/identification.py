@@ -178,7 +178,7 @@ def identify(
     options = options_of(
         estimator, identification_model, differentiation, parameters, cutoff, dead_zone, strict
     )
-    stated, look = drives.stated(), first_look(logs[0], map)
+    stated, look = drives.stated(), first_look(logs[0], model, chosen.choice(), map)
     if stated is not None or look.servo:
         from ..drives.job import identify_servo_logs
 

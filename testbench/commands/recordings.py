@@ -5,7 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import Map
+from identification.errors import InputError
+
+from .options import AS_LOGGED, Chosen, Map
 
 
 def import_recordings(
@@ -20,8 +22,11 @@ def import_recordings(
         Path | None, Parameter(help="MJCF or URDF whose joints, ranges and limits the guess goes by")
     ] = None,
     map: Map = None,
+    chosen: Chosen = AS_LOGGED,
 ) -> None:
     """Convert recordings to robot-logs; without a map, guess one, show it and write it beside."""
     from recordings.importing import import_files
 
-    import_files(files, model, map, out)
+    if model is None and chosen != AS_LOGGED:
+        raise InputError("testbench", "--model", "the model that --joints are of", "none")
+    import_files(files, model, map, out, chosen.choice())

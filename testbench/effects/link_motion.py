@@ -93,22 +93,31 @@ def elastic_change(row: LinkRow, stiffness: float, damping: float, doubling: flo
     windup = np.empty((row.run.samples, 3))
     motion = row.load, row.by_position, row.by_velocity, row.inertia
     _elastic(*motion, stiffness, damping, stiffness / doubling**2, 1 / row.run.sample_rate, windup)
-    # Not more than that, and not infinite or undefined.
-    if not stiffness * np.abs(windup[:, 0]).max() <= HOLDS * np.abs(row.load).max():
+    if not _is_held(row, stiffness, windup[:, 0]):
         return np.zeros((row.run.samples, row.run.joints))
     return row.run.load_change(row.joint, -windup)
+
+
+def _is_held(row: LinkRow, stiffness: float, depth: Array) -> bool:
+    """Whether a spring, N·m/rad, wound up by (N,) rad carries no more than HOLDS times the load."""
+    # False where the windup is infinite or undefined.
+    return bool(stiffness * np.abs(depth).max() <= HOLDS * np.abs(row.load).max())
 
 
 def loose_change(row: LinkRow, gap: float, contact: float) -> Array:
     """Change of the torque where the transmission has play, less that of its contact alone, (N, n) N·m.
 
     gap, contact: as of ``gap_windup``. Zero where the link never leaves the end of the gap that it starts at:
-    that is an offset of the encoder and nothing more.
+    that is an offset of the encoder and nothing more. Zero too where the contact does not hold the link.
     """
+    nothing = np.zeros((row.run.samples, row.run.joints))
     loose = gap_windup(row, gap, contact)
     if (loose[:, 0] > 0).all() or (loose[:, 0] < 0).all():
-        return np.zeros((row.run.samples, row.run.joints))
-    return row.run.load_change(row.joint, _tight(row, contact) - loose)
+        return nothing
+    tight = _tight(row, contact)
+    stiffness = (2 * np.pi * contact) ** 2 * float(row.inertia.max())
+    deepest = np.maximum(np.abs(loose[:, 0]) - gap / 2, np.abs(tight[:, 0]))
+    return row.run.load_change(row.joint, tight - loose) if _is_held(row, stiffness, deepest) else nothing
 
 
 def _tight(row: LinkRow, contact: float) -> Array:

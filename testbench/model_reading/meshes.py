@@ -39,11 +39,11 @@ def place_meshes(
     compiler.set("strippath", "false")
     notes = []
     if missing:
-        notes.append(
-            _left_out(root, missing, "meshes not found ({}; --package NAME=PATH says where a package is)")
-        )
+        why = f"meshes not found ({listed(sorted(missing))}; --package NAME=PATH says where a package is)"
+        notes.append(_left_out(root, missing, why))
     if foreign:
-        notes.append(_left_out(root, foreign, "meshes of a format that MuJoCo does not read ({})"))
+        why = f"meshes of a format that MuJoCo does not read ({_files(foreign)})"
+        notes.append(_left_out(root, foreign, why))
     return notes
 
 
@@ -51,12 +51,17 @@ def drop_broken(root: ElementTree.Element, folder: Path) -> str:
     """Leave out shapes whose mesh MuJoCo does not compile; a sentence on them, empty where there are none."""
     names = {mesh.get("filename", "") for mesh in root.iterfind(".//mesh")}
     broken = {name for name in names if not _compiles(name, folder)}
-    return _left_out(root, broken, "meshes that MuJoCo cannot read ({})") if broken else ""
+    return _left_out(root, broken, f"meshes that MuJoCo cannot read ({_files(broken)})") if broken else ""
+
+
+def _files(names: set[str]) -> str:
+    """Names of files in a sentence, without their folders."""
+    return listed(sorted(name.rpartition("/")[2] for name in names))
 
 
 def _left_out(root: ElementTree.Element, names: set[str], why: str) -> str:
     links = _drop_shapes(root, lambda mesh: mesh.get("filename", "") in names)
-    return f"{why.format(listed(sorted(names)))}: left out of pictures and clearance, at {listed(links)}"
+    return f"{why}: left out of pictures and clearance, at {listed(links)}"
 
 
 def _drop_shapes(root: ElementTree.Element, drops: Callable[[ElementTree.Element], bool]) -> list[str]:

@@ -130,6 +130,19 @@ def test_a_scale_is_said_of_the_joints_that_move(arm, healthy_runs):
     assert joints == arm.joint_names[1:]
 
 
+def test_beside_a_unit_that_is_only_suspected_no_effect_is_named(arm, healthy_runs):
+    """What the model does not explain keeps it from being certain; were it so, it would stop."""
+
+    def odd(run: Recording) -> Recording:
+        torque = run.torque * [1.0, 0.005]
+        torque[:, 1] += np.std(torque[:, 1]) * np.sin(9 * run.time)
+        return replace(run, torque=torque)
+
+    runs = {name: odd(run) for name, run in healthy_runs.items()}
+    (found,) = check(Subject(arm, runs))
+    assert (found.code, found.severity, found.bars_names) == ("torque_scale", Severity.WARN, True)
+
+
 def test_a_cable_of_one_joint_is_no_mistake(arm):
     cable = parse_injection(arm, "cable_spring:elbow:stiffness=3,rest=0.4")
     assert _found(arm, *simulated_runs(arm, [cable]).values()) == {}

@@ -161,3 +161,57 @@ def test_bad_input_is_refused_in_one_line(
     place: Path, arguments: str, says: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert says in complaint(arguments, capfd)
+
+
+@pytest.fixture
+def on_wheels(place: Path) -> Path:
+    """The arm's file, with a wheel before its own joints that no log has."""
+    wheel = (
+        '<worldbody><body pos="1 0 0"><joint name="wheel" axis="0 0 1"/>'
+        '<inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/></body>'
+    )
+    path = place / "on_wheels.xml"
+    text = (place / "arm.xml").read_text().replace("<worldbody>", wheel)
+    path.write_text(text.replace('"4 4"', '"9 4 4"').replace('"30 40"', '"9 30 40"'))
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["h5", "csv"])
+def test_check_holds_the_joints_that_the_log_lacks(
+    place: Path, on_wheels: Path, suffix: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    main(["check", f"run_1.{suffix}", "--model", on_wheels.name])
+    said = capfd.readouterr().out
+    assert "held still at zero, its mass counted: wheel" in said
+    assert "2 joints" in said
+
+
+def test_checks_for_machines_are_json_alone(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    main(["check", "run_1.csv", "--model", "arm.xml", "--json"])
+    found = json.loads(capfd.readouterr().out)
+    assert found["joint_names"] == ["shoulder", "elbow"]
+    assert "guessed" in found["notes"][0]
+
+
+def test_columns_are_known_by_the_model_s_names_where_these_have_numbers(
+    place: Path, on_wheels: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Without the model, arm_1_joint_position is of a joint called arm_joint."""
+    for path in (on_wheels, place / "run_1.csv"):
+        text = path.read_text()
+        path.write_text(text.replace("shoulder", "arm_1_joint").replace("elbow", "arm_2_joint"))
+    main(["check", "run_1.csv", "--model", on_wheels.name])
+    assert "arm_2_joint" in capfd.readouterr().out
+
+
+def test_columns_without_names_need_the_joints_that_they_are_of(
+    place: Path, on_wheels: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    text = Path("run_1.csv").read_text()
+    Path("plain.csv").write_text(text.replace("shoulder", "joint_1").replace("elbow", "joint_2"))
+    arguments = f"import plain.csv --model {on_wheels.name} --out plain.h5"
+    line = complaint(arguments, capfd)
+    assert "3 joints" in line
+    assert "--joints" in line
+    main([*arguments.split(), "--joints", "shoulder,elbow"])
+    np.testing.assert_array_equal(read_log("plain.h5").position, read_log("run_1.h5").position)

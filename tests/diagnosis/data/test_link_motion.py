@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from diagnosis.data.preparation import prepare
-from testbench.effects.link_motion import LinkRow, elastic_change, link_row
+from testbench.effects.link_motion import LinkRow, elastic_change, link_row, loose_change
 
 from ...diagnosed import simulated_runs
 
 STIFFNESS, DAMPING = 50.0, 0.05
+GAP, CONTACT = 0.004, 60.0
 
 
 @pytest.fixture(scope="module")
@@ -31,3 +32,15 @@ def test_a_spring_that_gravity_outweighs_explains_nothing(link, times):
     # Upside down, the link would fall off such a spring.
     tipped = replace(link, by_position=np.full_like(link.by_position, -times * STIFFNESS))
     assert not elastic_change(tipped, STIFFNESS, DAMPING).any()
+
+
+def test_a_link_in_a_gap_moves_the_torque(link):
+    assert loose_change(link, GAP, CONTACT).any()
+
+
+@pytest.mark.filterwarnings("error")
+def test_teeth_that_gravity_outweighs_explain_nothing(link):
+    # A link of next to no inertia has next to no contact either, and falls off its teeth.
+    light = np.full_like(link.inertia, 1e-8)
+    tipped = replace(link, inertia=light, by_position=np.full_like(link.by_position, -1.0))
+    assert not loose_change(tipped, GAP, CONTACT).any()

@@ -132,3 +132,12 @@ def test_a_joint_that_stands_still_beside_one_that_clips_is_weighed_without_a_wa
         for name, run in simulated_runs(arm, [parse_injection(arm, text)], runs=2).items()
     }
     assert [item for item in _named(arm, runs) if item.candidate.family.joint == 1] == []
+
+
+def test_no_limit_lies_within_a_step_of_the_log(arm):
+    step, coarse = 20.0, {}
+    for name, run in simulated_runs(arm, [], runs=2).items():
+        torque = run.torque.copy()
+        torque[:, 1] = step * np.round(torque[:, 1] / step)
+        coarse[name] = replace(run, torque=torque, torque_command=None)
+    assert all(cut.limit > step for cut in cuts(prepare(arm, coarse))[1])
