@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 # Numbers as the file has them: time stamps in nanoseconds stay whole numbers.
 Numbers = NDArray[Any]
+# Columns of a file without names are called so, with their place from 1.
+UNNAMED = "column "
 
 
 @dataclass(frozen=True)

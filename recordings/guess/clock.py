@@ -9,7 +9,7 @@ import numpy as np
 from identification.errors import InputError
 
 from ..mapping import TimeSection
-from ..table import Channel, Numbers, Stream, Table
+from ..table import UNNAMED, Channel, Numbers, Stream, Table
 from ..units import TIME, known_unit
 from .names import is_time, parsed
 
@@ -65,7 +65,7 @@ def _column(stream: Stream) -> tuple[Channel | None, str]:
     going = [each for each in named if _stamps(each.values[:, 0]) >= FEWEST]
     if going:
         return max(going, key=lambda each: _stamps(each.values[:, 0])), "by its name"
-    if not named and singles and all(each.name.startswith("column ") for each in stream.channels):
+    if not named and singles and all(each.name.startswith(UNNAMED) for each in stream.channels):
         first = singles[0]
         if _stamps(first.values[:, 0]) == len(first.values):
             return first, "the first column, which increases"

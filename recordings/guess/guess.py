@@ -11,7 +11,7 @@ from identification.errors import InputError
 from ..joints import Joints, joints_named
 from ..mapping import ABSOLUTE, MAY_BE_UNSIGNED, QUANTITIES, ChannelSection, Mapping
 from ..stamps import sampled
-from ..table import Column, Stream, Table
+from ..table import UNNAMED, Column, Stream, Table
 from ..units import SI, TIME, UNITS, factor_of, known_unit
 from ..wraps import unwrapped
 from . import plausible
@@ -123,9 +123,7 @@ def _groups(table: Table, joints: Joints) -> list[Group]:
         for group in groups_of(table, joints)
         if not all(member.column.name in times for member in group.members)
     ]
-    unnamed = all(
-        channel.name.startswith("column ") for stream in table.streams for channel in stream.channels
-    )
+    unnamed = all(channel.name.startswith(UNNAMED) for stream in table.streams for channel in stream.channels)
     if unnamed and joints.are_of_model:
         clock = clock_of(table, table.streams[0])
         return unnamed_groups(table, joints, clock.section.column)

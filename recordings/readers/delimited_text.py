@@ -12,7 +12,7 @@ import numpy as np
 
 from identification.errors import InputError
 
-from ..table import Channel, Stream, Table, distinct
+from ..table import UNNAMED, Channel, Stream, Table, distinct
 from . import Format
 
 FORMAT = Format("csv", "CSV or TSV (.csv, .tsv, .txt)", (".csv", ".tsv", ".txt", ".dat", ".log"), order=3)
@@ -221,7 +221,7 @@ def _is_data(cells: list[str], decimal_comma: bool) -> bool:
 def _names(heads: list[list[str]], count: int) -> tuple[str, ...]:
     """Names of so many columns: of the header, with its units where a second line has them, or numbers."""
     if not heads:
-        return tuple(f"column {index + 1}" for index in range(count))
+        return tuple(f"{UNNAMED}{index + 1}" for index in range(count))
     names = [cell.strip() for cell in heads[0]]
     if len(heads) > 1:
         units = [cell.strip().strip("[]()") for cell in heads[1]]
