@@ -258,6 +258,28 @@ def test_torque_held_at_its_limit_while_the_robot_follows_is_no_runaway(light: R
     followed.require_followed("light")
 
 
+@pytest.mark.parametrize(("size", "races"), [(0.01, False), (1.0, True)])
+def test_a_motion_of_next_to_no_range_is_not_raced_by_a_sag(light: Robot, size: float, races: bool) -> None:
+    """Off by a fifth of its range, or of what counts as one, and six times as fast."""
+    (run,) = simulate(light, [LIGHT_MOTION], NOISY)
+    position, speed = size * run.reference_position, size * run.reference_velocity
+    off = 0.2 * np.maximum(np.ptp(position, axis=0), 0.1)
+    sagged = replace(
+        run,
+        position=position + off,
+        reference_position=position,
+        reference_velocity=speed,
+        truth={**run.truth, "velocity": 6 * speed},
+    )
+    followed = tracking(sagged, light.limits.torque)
+    assert len(followed.warnings()) == 7
+    if races:
+        with pytest.raises(InputError, match="times its peak speed"):
+            followed.require_followed("light")
+    else:
+        followed.require_followed("light")
+
+
 def test_what_is_not_finite_has_run_away(light: Robot) -> None:
     (recording,) = simulate(light, [LIGHT_MOTION], NOISY)
     position = recording.position.copy()

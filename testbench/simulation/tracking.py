@@ -25,9 +25,9 @@ SATURATED, SWITCHING = 0.05, 0.1
 class Tracking:
     """A run against its reference, each (n,).
 
-    error: largest, rad (m). range: of the reference, rad (m). speed: largest over the reference's largest;
-    inf where that stands still. saturated: share of samples at the torque limit. switching: share of those
-    after which the torque goes to the opposite limit.
+    error: largest, rad (m). range: of the reference, rad (m). speed: largest over the reference's largest, or
+    what that would be over the range of a joint that stands still; inf where it does. saturated: share of
+    samples at the torque limit. switching: share of those after which the torque goes to the opposite limit.
     """
 
     joint_names: tuple[str, ...]
@@ -89,11 +89,14 @@ def tracking(recording: Recording, torque_limit: Array) -> Tracking:
     reached, told = (np.abs(v).max(axis=0) for v in (recording.truth["velocity"], speed))
     side = np.sign(command) * (np.abs(command) >= torque_limit * (1 - 1e-9))
     opposite = (side[1:] * side[:-1] < 0).sum(axis=0)
+    span = np.ptp(reference, axis=0)
+    # A motion of next to no range is not raced by what hardly moves either.
+    told *= np.divide(np.maximum(span, STILL), span, out=np.ones(len(span)), where=span > 0)
     return Tracking(
         joint_names=recording.joint_names,
         units=tuple("m" if slide else "rad" for slide in recording.is_slide),
         error=np.abs(recording.position - reference).max(axis=0),
-        range=np.ptp(reference, axis=0),
+        range=span,
         speed=np.divide(reached, told, out=np.full(len(told), np.inf), where=told > 0),
         saturated=(side != 0).mean(axis=0),
         switching=opposite / np.maximum((side != 0).sum(axis=0), 1),
