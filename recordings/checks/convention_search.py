@@ -8,6 +8,9 @@ and the search goes on from these.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+
+from identification.chain import Chain
 
 from .convention import Convention, as_modelled, mistakes
 from .model_fit import Explained, ModelFit
@@ -38,8 +41,22 @@ class Candidate:
 
 def is_plain(candidate: Candidate) -> bool:
     """Whether the model explains all joints so well that nothing need be searched."""
-    left = candidate.explained.left
-    return bool(np.all(left[np.isfinite(left)] < LEFT) and candidate.explained.bent < BENT)
+    return not _is_unexplained(candidate).any()
+
+
+def _is_unexplained(candidate: Candidate) -> NDArray[np.bool_]:
+    """(n,) whether the model leaves much of a joint's torque; of all where it must be bent."""
+    left = np.nan_to_num(candidate.explained.left)
+    return np.asarray((left >= LEFT) | (candidate.explained.bent >= BENT))
+
+
+def doubtful_joints(chain: Chain, candidate: Candidate) -> list[int]:
+    """The joints that may count otherwise: torques that their positions change are not explained.
+
+    A joint's position changes the torques of itself and of those before and after it on its branch.
+    """
+    on_branch = chain.moves | chain.moves.T
+    return [int(each) for each in np.flatnonzero(on_branch[_is_unexplained(candidate)].any(axis=0))]
 
 
 def search(fit: ModelFit) -> tuple[Candidate, Candidate]:
@@ -57,7 +74,8 @@ def search(fit: ModelFit) -> tuple[Candidate, Candidate]:
             break
         for candidate in fresh:
             followed.add(candidate.convention)
-            for convention in screening.likeliest(candidate.convention, WEIGHED):
+            joints = doubtful_joints(fit.robot.chain, candidate)
+            for convention in screening.likeliest(candidate.convention, WEIGHED, joints):
                 if convention not in known:
                     known[convention] = _weighed(fit, convention)
     best = max(known.values(), key=lambda each: each.score)
@@ -72,7 +90,8 @@ def _rescaled(fit: ModelFit, best: Candidate) -> Candidate:
     """The candidate with other scales, where a joint is not explained as it is."""
     if is_plain(best) and all(factor == 1 for factor in best.convention.scale):
         return best
-    convention = rescaled(lambda each: _weighed(fit, each).score, best.convention)
+    joints = doubtful_joints(fit.robot.chain, best)
+    convention = rescaled(lambda each: _weighed(fit, each).score, best.convention, joints)
     return _weighed(fit, convention)
 
 

@@ -116,16 +116,18 @@ class ModelFit:
         )
         for _ in range(ITERATIONS):
             each = weight / at.samples / variance
-            a = np.tensordot(each, at.grams, axes=1) + np.tensordot(once, standing.grams, axes=1)
-            factorised = cho_factor(a + np.eye(len(a)))
+            a = np.eye(len(self.widths))
+            at.add_information(a, each)
+            standing.add_information(a, once)
+            factorised = cho_factor(a)
             z = cho_solve(factorised, each @ b + once @ held[0])
-            rest = np.maximum(c - 2 * b @ z + np.einsum("jik,i,k->j", at.grams, z, z), 0.0)
+            rest = np.maximum(c - 2 * b @ z + at.squares(z), 0.0)
             before, variance = variance, np.maximum(rest / at.samples, floors)
             if np.allclose(before, variance, rtol=SETTLED):
                 break
         log_determinant = 2 * float(np.sum(np.log(np.diag(factorised[0]))))
         fits = -weight * (0.5 * np.log(variance) + np.log(scale) + 0.5 * rest / at.samples / variance)
-        rests = held[1] - 2 * held[0] @ z + np.einsum("jik,i,k->j", standing.grams, z, z)
+        rests = held[1] - 2 * held[0] @ z + standing.squares(z)
         evidence = float(fits.sum() - 0.5 * once @ rests) - 0.5 * float(z @ z) - 0.5 * log_determinant
         left[at.joints] = np.sqrt(rest / at.samples) * scale / at.torque_rms
         bent = float(np.sqrt(z @ z / len(at.joints)))
@@ -159,34 +161,34 @@ class ModelFit:
         self, joints: NDArray[np.int64], where: NDArray[np.bool_], rows: Array, model: Array, read: Samples
     ) -> "_Products":
         shape = (len(joints), len(self.widths))
-        grams, torque_products, model_products = (
-            np.zeros((*shape, shape[1])),
-            np.zeros(shape),
-            np.zeros(shape),
-        )
+        grams, torque_products, model_products = [], np.zeros(shape), np.zeros(shape)
         figures = np.zeros((5, len(joints)))
         for index, joint in enumerate(joints.tolist()):
             used = where[:, joint]
             x, torque, own = rows[used, joint] * self.widths, read.torque[used, joint], model[used, joint]
-            grams[index] = x.T @ x
-            torque_products[index] = x.T @ torque
-            model_products[index] = x.T @ own
+            # From the first to the last link that the joint moves: few of a hand's or a leg's.
+            (moved,) = np.nonzero(x.any(axis=0))
+            counts = slice(int(moved.min(initial=0)), int(moved.max(initial=-1)) + 1)
+            x = x[:, counts]
+            grams.append((counts, x.T @ x))
+            torque_products[index, counts] = x.T @ torque
+            model_products[index, counts] = x.T @ own
             runs = len(np.unique(read.run[used]))
             figures[:, index] = len(torque), runs, torque @ torque, torque @ own, own @ own
-        return _Products(joints, grams, torque_products, model_products, *figures)
+        return _Products(joints, tuple(grams), torque_products, model_products, *figures)
 
 
 @dataclass(frozen=True)
 class _Products:
     """Products of the scaled regressors and the torques of the joints that count, (k,) each.
 
-    grams: (k, p, p), p = 14 a link. torque_products, model_products: (k, p), with the torque and with the
-    model's.
-    samples: that count. runs: that have these. torque_square, both, model_square: of both torques.
+    grams: of each joint, which of p = 14 a link parameters may count there, and their products.
+    torque_products, model_products: (k, p), with the torque and with the model's. samples: that count. runs:
+    that have these. torque_square, both, model_square: of both torques.
     """
 
     joints: NDArray[np.int64]
-    grams: Array
+    grams: tuple[tuple[slice, Array], ...]
     torque_products: Array
     model_products: Array
     samples: Array
@@ -199,6 +201,15 @@ class _Products:
     def torque_rms(self) -> Array:
         """(k,) as logged."""
         return np.sqrt(self.torque_square / self.samples)
+
+    def add_information(self, total: Array, weight: Array) -> None:
+        """Add all joints' products, each times its weight (k,), to a matrix (p, p)."""
+        for (counts, gram), each in zip(self.grams, weight.tolist(), strict=True):
+            total[counts, counts] += each * gram
+
+    def squares(self, z: Array) -> Array:
+        """(k,) squared torque of each joint by scaled parameters (p,)."""
+        return np.array([z[counts] @ gram @ z[counts] for counts, gram in self.grams])
 
     def less_the_model(self, convention: Convention) -> tuple[Array, Array]:
         """Products (k, p) and squares (k,) of the torque over its factor, less the model's."""

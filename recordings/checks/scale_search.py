@@ -1,6 +1,6 @@
 """The scales of a log's torques, searched by all that a model has of them: links, rotors and friction."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,10 +16,10 @@ IN_COMMON = 1.5
 Score = Callable[[Convention], float]
 
 
-def rescaled(score: Score, convention: Convention) -> Convention:
+def rescaled(score: Score, convention: Convention, joints: Sequence[int]) -> Convention:
     """The convention with the factors of torque to the model's that the score likes best.
 
-    Of one joint after the other, of those that are alike, and of all at once.
+    Of one of these joints after the other, of those that are alike, and of all at once.
     """
     n = len(convention.scale)
     best, value = convention, score(convention)
@@ -31,7 +31,7 @@ def rescaled(score: Score, convention: Convention) -> Convention:
 
     count = int(np.ceil(np.log(LARGEST) / np.log(STEP)))
     factors = STEP ** np.arange(-count, count + 1.0)
-    for joint in range(n):
+    for joint in joints:
         for factor in factors.tolist():
             take(best.with_value("scale", joint, float(factor)))
     for factor in factors.tolist():
@@ -40,8 +40,8 @@ def rescaled(score: Score, convention: Convention) -> Convention:
         # A model that is too light or heavy throughout is no other unit of the others.
         over = tuple(1.0 if each == factor else each / factor for each in best.scale)
         take(replace(best, scale=over))
-    for joints in _alike(best):
-        take(_finest(score, best, joints))
+    for alike in _alike(best):
+        take(_finest(score, best, alike))
     if any(factor != 1 for factor in best.scale):
         logs = [np.log(factor) for factor in best.scale if factor != 1]
         common = replace(best, scale=(float(np.exp(np.mean(logs))),) * n)

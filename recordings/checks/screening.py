@@ -6,7 +6,7 @@ assignment problem", 1955), and no permutation of them has to be tried by itself
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +33,8 @@ PER_MISTAKE = 4.0
 OFF_SCALE, GOES_WITH = 1.2, 0.7
 # Singular values below this share of the largest tell nothing of gravity.
 TELLS = 1e-3
+# Columns of three are passed round where the exchange of two is one of so many likeliest: all of an arm's.
+SWAPS = 24
 # What no assignment chooses.
 NEVER = 1e6
 TINY = float(np.finfo(float).tiny)
@@ -83,15 +85,36 @@ class Screening:
         enough = samples.moves.sum(axis=0) >= FEWEST
         self.columns = [_Column(samples, column) if enough[column] else None for column in range(self.n)]
 
-    def likeliest(self, start: Convention, most: int) -> list[Convention]:
-        """At most so many conventions one mistake or one assignment away, likeliest first."""
+    def likeliest(self, start: Convention, most: int, joints: Sequence[int]) -> list[Convention]:
+        """At most so many conventions one mistake or one assignment away, likeliest first.
+
+        joints: of which positions may count otherwise.
+        """
         scored: dict[Convention, float] = {}
-        for near in self._moved(start):
-            for convention, score in self._torques(near):
-                if convention != start and score > scored.get(convention, -np.inf):
-                    scored[convention] = score
-        best = sorted(scored, key=lambda each: -scored[each])
-        return [self._finer(each) for each in best[:most]]
+
+        def screen(near: Convention) -> float:
+            """What the convention's positions score at most; the likeliest with them are kept."""
+            match = self._match(near)
+            at_most = self._at_most(match, near)
+            if len(scored) < most or at_most >= min(scored.values()):
+                for convention, score in self._torques(near, match):
+                    if convention != start and score > scored.get(convention, -np.inf):
+                        scored[convention] = score
+                for each in sorted(scored, key=lambda each: -scored[each])[most:]:
+                    del scored[each]
+            return at_most
+
+        screen(start)
+        order = start.position_order
+        moving = [joint for joint in joints if self.columns[order[joint]] is not None]
+        pairs = list(itertools.combinations(moving, 2))
+        swaps = {pair: screen(replace(start, position_order=_passed_round(order, pair))) for pair in pairs}
+        best = sorted(swaps, key=lambda pair: -swaps[pair])[:SWAPS]
+        for three in _threes(best, moving):
+            screen(replace(start, position_order=_passed_round(order, three)))
+        for near in self._moved(start, joints):
+            screen(near)
+        return [self._finer(each) for each in sorted(scored, key=lambda each: -scored[each])]
 
     def score(self, convention: Convention) -> float:
         """The screening's score of one convention, its torque columns, signs and scales as they are."""
@@ -105,20 +128,23 @@ class Screening:
         fits = -0.5 * self.independent * float(np.nansum(np.log(left + ALIKE)))
         return fits - PER_MISTAKE * mistakes(convention)
 
-    def _moved(self, start: Convention) -> Iterator[Convention]:
-        """Conventions whose positions, or gravity, are one mistake away; first those themselves."""
-        yield start
-        moving = [joint for joint in range(self.n) if self.columns[start.position_order[joint]] is not None]
-        for order in _orders(start.position_order, moving):
-            yield replace(start, position_order=order)
+    def _at_most(self, match: _Match, near: Convention) -> float:
+        """What no torque columns, signs and scales beside these positions score more than."""
+        left = np.minimum(match.fixed.min(axis=0), match.free).min(axis=1)
+        ones = (1.0,) * self.n
+        fewest = replace(near, torque_order=near.position_order, torque_sign=ones, scale=ones)
+        return self._score(left, fewest)
+
+    def _moved(self, start: Convention, joints: Sequence[int]) -> Iterator[Convention]:
+        """Conventions with other signs and zeros of positions, or other gravity, one mistake away."""
         for count in (1, 2):
-            for joints in itertools.combinations(range(self.n), count):
+            for places in itertools.combinations(joints, count):
                 turned = start
-                for joint in joints:
+                for joint in places:
                     turned = turned.turned("position_sign", joint)
                 yield turned
         yield replace(start, position_sign=tuple(-each for each in start.position_sign))
-        for joint in np.flatnonzero(~self.robot.chain.is_slide).tolist():
+        for joint in (each for each in joints if not self.robot.chain.is_slide[each]):
             for angle in np.arange(-np.pi, np.pi, ZERO_STEP).tolist():
                 off = start.with_value("zero", joint, float(angle))
                 yield off
@@ -153,9 +179,8 @@ class Screening:
         x, y, z = (float(each) for each in np.round(felt, 2))
         return x, y, z
 
-    def _torques(self, near: Convention) -> Iterator[tuple[Convention, float]]:
+    def _torques(self, near: Convention, match: _Match) -> Iterator[tuple[Convention, float]]:
         """This convention with the torque columns, signs and scales that suit it, and their scores."""
-        match = self._match(near)
         rows = np.arange(self.n)
         signs = np.array([0 if each > 0 else 1 for each in near.torque_sign])
         orders = [np.array(near.torque_order)]
@@ -234,16 +259,23 @@ class Screening:
         return convention
 
 
-def _orders(order: tuple[int, ...], joints: list[int]) -> Iterator[tuple[int, ...]]:
-    """Every order with the columns of two of these joints exchanged, or of three passed round."""
-    for places in itertools.chain(itertools.combinations(joints, 2), itertools.permutations(joints, 3)):
-        # Each cycle of three once.
-        if places[0] != min(places):
-            continue
-        moved = list(order)
-        for place, follower in zip(places, (*places[1:], places[0]), strict=True):
-            moved[place] = order[follower]
-        yield tuple(moved)
+def _threes(pairs: Sequence[tuple[int, int]], joints: Sequence[int]) -> Iterator[tuple[int, ...]]:
+    """Every cycle of three of these joints, two of them such a pair, once; from its first joint."""
+    found: dict[tuple[int, ...], None] = {}
+    for one, other in pairs:
+        for third in joints:
+            if third not in (one, other):
+                for a, b, c in ((one, other, third), (other, one, third)):
+                    found[min((a, b, c), (b, c, a), (c, a, b))] = None
+    yield from found
+
+
+def _passed_round(order: tuple[int, ...], places: Sequence[int]) -> tuple[int, ...]:
+    """The order with the columns of these joints passed round: each has that of the next."""
+    moved = list(order)
+    for place, follower in zip(places, (*places[1:], places[0]), strict=True):
+        moved[place] = order[follower]
+    return tuple(moved)
 
 
 def _signs(turned: NDArray[np.int64]) -> tuple[float, ...]:
