@@ -11,6 +11,7 @@ import recordings.readers
 import studies.plants
 import testbench
 import testbench.effects
+from diagnosis.experiment.reasons import why
 from testbench.log import Recording
 from testbench.robot import Robot
 
@@ -63,6 +64,13 @@ def test_the_diagnosis_finds_the_effect_with_the_parameters_that_act(
     assert (found.effect, found.joint) == ("eddy_brake", 1)
     assert found.parameters["peak"].value == pytest.approx(2.0, rel=0.05)
     assert found.parameters["critical"].value == pytest.approx(0.5, rel=0.05)
+
+
+def test_the_record_that_tells_the_effect_is_advised() -> None:
+    advice = why(("eddy_brake", "backlash"), (), None, "no motion is better")
+    assert "move with content at 5 to 30 Hz" in advice
+    advice = why(("none", "eddy_brake"), (), None, "no motion is better")
+    assert "hold many constant speeds" in advice
 
 
 def test_the_estimator_predicts_as_well_as_weighted_least_squares(

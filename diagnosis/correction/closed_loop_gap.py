@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from identification.errors import InputError
 from identification.filtering import edge_samples, zero_phase_lowpass
+from testbench.effects import effect
 from testbench.effects.base import Injection
 from testbench.log import Recording
 from testbench.robot import Robot
@@ -134,8 +135,8 @@ def _stage(diagnosis: Diagnosis, stage: str, folder: Path) -> tuple[Robot, tuple
     """The robot to simulate at a stage after the first, and what is injected into it."""
     of_stage = reidentified_simulator if stage == "parameters" else corrected_simulator
     simulator = of_stage(diagnosis)
-    # A contact is an event of one run, not of the robot.
-    lasting = tuple(each for each in simulator.effects if each.effect != "external_contact")
+    # An event is of one run, not of the robot.
+    lasting = tuple(each for each in simulator.effects if not effect(each.effect).DESCRIPTION.is_event)
     return robot_with(diagnosis.robot, simulator.standard, folder), lasting
 
 

@@ -17,6 +17,7 @@ from identification.errors import InputError
 from identification.parameters import GROUPS, OFFSET, PER_JOINT, VISCOUS
 from identification.physical_consistency import consistent_standard_parameters
 from testbench.effects import effect
+from testbench.effects.asymmetric_friction import DESCRIPTION
 from testbench.effects.base import Injection
 from testbench.effects.mjcf_form import write_effects
 from testbench.model_file import write_model
@@ -26,7 +27,6 @@ from ..decision.findings import Diagnosis, NamedEffect
 from ..fit.normal_equations import Fit, fitted_to, standard_values
 from ..model.candidates import Candidate
 from ..model.hypothesis import Design
-from ..plausibility.accepted import COUPLING
 from .corrected_model import corrected_model
 from .file_error import FileError, file_error
 
@@ -37,8 +37,8 @@ OFFSET_DEVIATIONS = 3.0
 # MuJoCo's largest, of a constraint whose solimpfriction is not set.
 IMPEDANCE = 0.95
 AXES = ("x", "y", "z")
-# What a file has that inverse dynamics cannot tell of: more joints, and torque that comes later.
-UNCOUNTED = ("actuator_lag", "backlash", "joint_elasticity", "torque_delay")
+# A constant torque is what the two directions' friction differ by.
+CONSTANT = DESCRIPTION.name
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,15 @@ def write_corrected(diagnosis: Diagnosis, path: str | Path) -> Written:
         robot = robot_with(diagnosis.robot, wanted.standard, Path(folder))
         carried, refused = _written(robot, wanted.effects, path)
     lacks = carried + refused + _lacking(diagnosis)
-    if uncounted := sorted({each.effect for each in wanted.effects} & set(UNCOUNTED)):
+    if uncounted := sorted({each.effect for each in wanted.effects if _runs_in_time(each)}):
         lacks += (f"its torque error takes no account of {', '.join(uncounted)}, which MuJoCo runs in time",)
     return Written(lacks, file_error(diagnosis, path))
+
+
+def _runs_in_time(injection: Injection) -> bool:
+    """Whether a file has it where inverse dynamics has none: as more joints, or torque that comes later."""
+    description = effect(injection.effect).DESCRIPTION
+    return description.of_transmission or description.late
 
 
 def _lacking(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -176,12 +182,13 @@ def _simulator(
 
 
 def _beside(standard: Array, effects: Sequence[Injection]) -> Array:
-    """Standard parameters (14 n,) without what effects have of them: a coupling's law damps both joints."""
+    """Standard parameters (14 n,) without the viscous friction that the effects' own laws have of it."""
     table = standard.reshape(-1, PER_JOINT).copy()
     for injection in effects:
-        for joint in (injection.joint, injection.into) if injection.effect == COUPLING else ():
-            assert joint is not None
-            table[joint, VISCOUS] = max(table[joint, VISCOUS] - injection.values["viscous"], 0.0)
+        name = effect(injection.effect).DESCRIPTION.viscous
+        for joint in (injection.joint, injection.into) if name else ():
+            if joint is not None:
+                table[joint, VISCOUS] = max(table[joint, VISCOUS] - injection.values[name], 0.0)
     return table.ravel()
 
 
@@ -191,8 +198,7 @@ def _with_offsets(
     """The effects, strongest first, and each joint's offset that is worth a place, (n,) N·m."""
     wanted, left = [], set(np.flatnonzero(worth).tolist())
     for injection in effects:
-        # A constant torque is what the two directions' friction differ by.
-        if injection.effect == "asymmetric_friction" and injection.joint in left:
+        if injection.effect == CONSTANT and injection.joint in left:
             left.remove(injection.joint)
             values = injection.values
             total = values["offset"] + float(offsets[injection.joint])
@@ -201,7 +207,7 @@ def _with_offsets(
             wanted.append(injection)
     for joint in sorted(left):
         values = {"offset": float(offsets[joint]), "viscous_difference": 0.0}
-        wanted.append(Injection("asymmetric_friction", joint, values))
+        wanted.append(Injection(CONSTANT, joint, values))
     return tuple(wanted)
 
 

@@ -25,16 +25,11 @@ from testbench.simulation.controller import feedforward
 from testbench.torque_lag import TorqueLag
 
 from ..data.run import filter_cutoff, logged_along, samples_near_rest
-from ..fit.linearisation import TRANSMISSIONS
-from ..model.effect_sizes import LAG
 from .corrected_model import Corrected, Term, read_correction
 
 Array = NDArray[np.float64]
 
 DOCUMENT = "diagnosis.json"
-# What is made of derivatives, or strikes: above the band of the motion nothing of it is known, as it would be
-# where Coulomb friction jumps there, or teeth land.
-FAST = (*TRANSMISSIONS, LAG)
 # rad/s (m/s), w of fc tanh(v / w) where friction jumps with the speed's sign: of a joint at rest that sign is
 # the encoder's noise, and none of its friction is predicted.
 AT_REST = 0.005
@@ -199,8 +194,10 @@ def term_torque(term: Term, logged: Logged) -> Array:
         return np.zeros_like(logged.q)
     # einsum, not a BLAS product: its sums do not depend on the number of threads.
     torque = np.einsum("tjk,k->tj", member.spread(0, logged.joints), term.coefficients)
-    if term.effect not in FAST:
+    description = effect(term.effect).DESCRIPTION
+    if not (description.of_transmission or description.is_lag):
         return torque
+    # Made of derivatives, or of teeth that land: above the band of the motion nothing of it is known.
     return zero_phase_lowpass(torque, logged.sample_rate, logged.cutoff)
 
 

@@ -1,6 +1,6 @@
 """Why an effect that was fitted is not reported as a cause: held-out runs, bounds and deviations say no."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,16 +8,11 @@ from numpy.typing import NDArray
 
 from testbench.effects import effect
 
-from ..model.candidates import SATURATION
-from ..model.effect_sizes import PAYLOAD
 from ..plausibility.accepted import Accepted
 from .findings import NamedEffect
 
 # Of a bound, relative: nearer than this a value is at it. Deviations within which a size may be none: 95 %.
 AT_BOUND, MAY_BE_NONE = 1e-3, 2.0
-# Other parameters that an effect is known by: of a payload that turns about a vertical axis alone, the mass
-# may stay open.
-KNOWN_BY: Mapping[str, tuple[str, ...]] = {PAYLOAD: ("first_moment",)}
 NOT_PREDICTED = "fitted, but runs that were left out are predicted no better with it"
 AT_ITS_BOUND = "fitted, but at the bound of what it may be: these runs do not tell its size"
 UNCERTAIN = "fitted, but its size is within two of its own standard deviations"
@@ -69,8 +64,7 @@ def without_seconds(accepted: Sequence[Accepted]) -> tuple[Accepted, ...]:
 def _is_law(item: Accepted) -> bool:
     """Whether it is reported and acts on one joint whenever that moves."""
     candidate = item.candidate
-    of_joint = candidate.family.joint is not None and candidate.family.effect != SATURATION
-    return item.named and of_joint and not candidate.is_event
+    return item.named and candidate.family.joint is not None and not candidate.description.at_times
 
 
 def is_too_short(item: Accepted, has_enough_samples: NDArray[np.bool_]) -> bool:
@@ -93,7 +87,7 @@ def doubt(named: NamedEffect) -> str:
     ]
     if not numbers:
         return ""
-    also = [named.parameters[name] for name in KNOWN_BY.get(named.effect, ()) if name in named.parameters]
+    also = [named.parameters[name] for name in description.known_by if name in named.parameters]
     is_known = any(np.any(np.abs(each.value) >= MAY_BE_NONE * np.asarray(each.std)) for each in also)
     if not is_known and all(abs(value) < MAY_BE_NONE * deviation for _, value, deviation in numbers):
         return UNCERTAIN

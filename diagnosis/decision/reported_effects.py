@@ -14,7 +14,7 @@ from ..fit.likelihood import Weighed, gained_by_shift
 from ..fit.normal_equations import Fit, squares
 from ..fit.score import Stage
 from ..model.base_regressor import ground
-from ..model.candidates import SATURATION, Candidate
+from ..model.candidates import Candidate
 from ..model.effect_sizes import is_beyond_healthy, is_excessive, times_healthy
 from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from ..plausibility.accepted import Accepted
@@ -123,7 +123,6 @@ def as_fitted_at_last(
         named = item.named and not is_excessive(sized, *own, item.share)
         named = named and times_healthy(sized, torque_rms, *own) > 1
         # A limit that the drive reports leaves no gap, and a push is recognised by its time.
-        elsewhere = candidate.is_event or candidate.family.effect == SATURATION
-        named = named and (elsewhere or fitted.wald(part) > AT_LAST)
+        named = named and (candidate.description.at_times or fitted.wald(part) > AT_LAST)
         found.append(replace(item, candidate=candidate, named=named))
     return found

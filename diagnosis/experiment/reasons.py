@@ -1,64 +1,10 @@
 """Advice, in words, on which experiment distinguishes which effects."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from testbench.effects import effects
+from testbench.effects import effect
+from testbench.effects.experiment import Experiment
 
-
-@dataclass(frozen=True)
-class Advice:
-    """Advice on what to record where at least ``least`` of these effects are among those to distinguish."""
-
-    among: frozenset[str]
-    least: int
-    words: str
-
-
-# The most telling first: a motion cannot replace a known load, or time to warm up.
-ADVICE = (
-    Advice(
-        frozenset({"torque_gain_error", "payload"}),
-        1,
-        "record the same motion with a known payload on and off: no motion alone shows a gain",
-    ),
-    Advice(
-        frozenset({"thermal_friction_drift"}),
-        1,
-        "repeat the first run after the arm has worked for as long as it takes to warm up",
-    ),
-    Advice(
-        frozenset({"joint_elasticity", "backlash", "torque_delay", "actuator_lag"}),
-        1,
-        "move with content at 5 to 30 Hz, where their phases part",
-    ),
-    Advice(
-        frozenset({"stribeck_friction", "presliding_hysteresis", "backlash"}),
-        2,
-        "make small reversals of several amplitudes",
-    ),
-    Advice(
-        frozenset({"load_dependent_friction"}),
-        1,
-        "repeat the same velocities at two poses that gravity loads differently",
-    ),
-    Advice(
-        frozenset({"transmission_ripple", "encoder_eccentricity"}),
-        1,
-        "move slowly at constant speed, at two speeds, over as much of the range as there is",
-    ),
-    Advice(
-        frozenset({"base_tilt", "encoder_offset", "gravity_spring", "cable_spring"}),
-        1,
-        "sweep the joints slowly through their whole range, the first one at several poses of the others",
-    ),
-    Advice(
-        frozenset({"nonlinear_viscous_friction", "stribeck_friction", "asymmetric_friction"}),
-        1,
-        "hold many constant speeds in both directions, from creeping to the fastest allowed",
-    ),
-    Advice(frozenset({"torque_saturation", "external_contact"}), 1, "repeat the run: a contact will not"),
-)
 # Separation in noise units that one run shows beyond doubt; below it a motion alone cannot tell.
 ENOUGH = 4.0
 
@@ -90,8 +36,9 @@ def why(open_: Sequence[str], chosen: Sequence[str], separation: float | None, r
 
 def _advice(names: Sequence[str]) -> str:
     """Advice on what to record to distinguish these effects, after a colon; empty without any."""
-    words = next((a.words for a in ADVICE if len(a.among & set(names)) >= a.least), "")
-    return f": {words}" if words else ""
+    told_by = [each for name in set(names) - {"none"} for each in effect(name).DESCRIPTION.told_by]
+    advised = (each for each in Experiment if told_by.count(each) >= each.fewest)
+    return next((f": {each.words}" for each in advised), "")
 
 
 def _sentences(*sentences: str) -> str:
@@ -100,5 +47,5 @@ def _sentences(*sentences: str) -> str:
 
 def _listed(names: Sequence[str]) -> str:
     """Titles of effects in a sentence."""
-    titles = [effects()[name].DESCRIPTION.title.lower() for name in names if name != "none"]
+    titles = [effect(name).DESCRIPTION.title.lower() for name in names if name != "none"]
     return titles[0] if len(titles) == 1 else ", ".join(titles[:-1]) + " and " + titles[-1]

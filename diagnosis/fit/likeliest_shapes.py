@@ -14,7 +14,7 @@ from testbench.robot import Robot
 
 from ..model.base_regressor import ground
 from ..model.candidates import Candidate, candidate
-from ..model.effect_sizes import WARMING, is_plausible
+from ..model.effect_sizes import is_plausible
 from ..model.hypothesis import Design, design
 from .likelihood import likeliest_of
 from .normal_equations import Fit, fit, fitted_to
@@ -119,10 +119,10 @@ def at_likeliest_shape(
 def _by_another_way(robot: Robot, stage: Stage, each: Candidate, most: float) -> tuple[Candidate, float]:
     """An effect, or the member of its family that is likelier yet; and what ``Stage.exactly`` says of it.
 
-    A joint warms by heat or by the clock, and rests between runs or does not: how warm a run begins tells the
-    time constant closely, and beside other effects another way may be the right one. most: of ``each``.
+    Members of one family may differ in more than the shapes that are searched for, as a joint warms by heat
+    or by the clock: beside other effects another way may be the right one. most: of ``each``.
     """
-    if each.family.effect != WARMING:
+    if not each.family.differs_in_kind:
         return each, most
     for likely in likeliest_of(stage, each.family, each.family.members):
         exact = stage.exactly(likely.candidate)

@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 from identification.parameters import INERTIAL, PER_JOINT
 from identification.prior import TIMING
 from testbench.effects import effect
-from testbench.effects.signature import Family
 
 from ..data.preparation import Prepared
-from ..model.candidates import DELAY, Candidate, candidate
-from ..model.effect_sizes import OFFSET
+from ..model.candidates import ZERO, Candidate, candidate
 from ..model.hypothesis import Design
 from .delay import likeliest_delay
 from .encoder_zeros import likeliest_zero
@@ -21,31 +19,15 @@ from .normal_equations import Fit, fitted_to, standard_values
 
 Array = NDArray[np.float64]
 
-# Its columns are the last link's.
-PAYLOAD = "payload"
-# Its derivative holds up to so many rad of itself.
+# rad: the derivative of the load by a zero holds up to so much of it.
 FAR_OFF = 0.03
-# Beside these the runs are linearised anew: they move the parameters that columns are taken at, or their own
-# columns hold near what was fitted only.
-TRANSMISSIONS = ("joint_elasticity", "backlash")
-RELINEARISED = (
-    *TRANSMISSIONS,
-    OFFSET,
-    "encoder_eccentricity",
-    PAYLOAD,
-    "base_tilt",
-    "torque_gain_error",
-    DELAY,
-    "actuator_lag",
-    "thermal_friction_drift",
-)
 # Timing errors from which on a delay may have bent all parameters, in the prior's deviations.
 LATE = 3.0
 
 
-def bends_parameters(family: Family) -> bool:
+def bends_parameters(each: Candidate) -> bool:
     """Whether re-identification takes it up, moving parameters that its own columns are taken at."""
-    return family.swallowed and family.effect in RELINEARISED
+    return each.family.swallowed and each.description.relinearised
 
 
 def first_linearised(prepared: Prepared, seeks_zero: bool = True) -> Prepared:
@@ -68,7 +50,7 @@ def linearised_anew(hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
         if each.is_common_delay:
             delay, values = likeliest_delay(hypothesis, fitted)
             shapes[place] = {"difference": delay}
-        if each.family.effect == OFFSET and abs(offset := float(fitted.values[own][0])) > FAR_OFF:
+        if each.family.effect == ZERO and abs(offset := float(fitted.values[own][0])) > FAR_OFF:
             zeros[each.family.joint] = offset
     return fitted_to(*_linearised(hypothesis, values, shapes, zeros))
 
@@ -78,12 +60,12 @@ def _linearised(
 ) -> tuple[Prepared, list[Candidate]]:
     """The runs with loads and derivatives taken at a hypothesis's unknowns (p,), and its effects there.
 
-    A payload is part of the load. shapes: of the effects. zeros: (n,) rad, as of Logged.
+    What the last link has more is part of the load. shapes: of the effects. zeros: (n,) rad, as of Logged.
     """
     prepared = hypothesis.prepared
     parameters = standard_values(prepared, values)
     for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
-        if each.family.effect == PAYLOAD:
+        if each.description.of_last_link:
             parameters[PER_JOINT * prepared.robot.chain.last :][:INERTIAL] += values[own]
     accepted, passed = list(hypothesis.accepted), []
 
@@ -92,11 +74,11 @@ def _linearised(
         passed.append(there)
         known = [np.zeros_like(run.logged.tau) for run in prepared.runs]
         for place, (each, own) in enumerate(zip(hypothesis.accepted, hypothesis.parts, strict=True)):
-            if effect(each.family.effect).DESCRIPTION.loads != loads:
+            if each.description.loads != loads:
                 continue
             accepted[place] = replace(_again(there, each, shapes[place]), is_carried=loads)
             member = accepted[place].member
-            if each.family.effect != PAYLOAD:
+            if not each.description.of_last_link:
                 for torque, columns in zip(known, member.columns, strict=True):
                     torque[:, list(member.rows)] += columns @ values[own]
         return known

@@ -18,7 +18,6 @@ from testbench.effects.signature import Quantity
 
 from ..data.preparation import Prepared
 from ..data.run import Run
-from ..fit.linearisation import PAYLOAD
 from ..fit.normal_equations import Fit, fitted_to, normal_of
 from ..model.base_regressor import ground
 from ..model.candidates import Candidate, candidate
@@ -28,7 +27,7 @@ from .known_payload import known_payloads
 
 Array = NDArray[np.float64]
 
-OFFSETS, FRICTION = "offsets", "friction"
+PAYLOAD, OFFSETS, FRICTION = "payload", "offsets", "friction"
 # Runs differ where this share of the weighted squares that all runs leave goes with what they have of their
 # own, and each by this many standard deviations of its payload's mass, or of an offset.
 SHARE, SURELY = 0.4, 8.0

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbench.effects import effect, effects
+from testbench.effects.base import EffectDescription, Scope
 from testbench.effects.columns import ColumnsByInstant, ColumnsByRun, WindowedColumns, over_all_joints
 from testbench.effects.signature import Family, Member, Quantity, places
 
@@ -20,15 +21,17 @@ Array = NDArray[np.float64]
 
 # An effect's name, its joint and the second joint of a pair.
 Place = tuple[str, int | None, int | None]
-# Something that happens in one run, and says nothing of another.
-EVENT = "external_contact"
-# Beyond a limit the torque that is regressed on would stand on both sides: it is tried in its own way.
-SATURATION = "torque_saturation"
-DELAY = "torque_delay"
+# Effects with a search of their own: a push, which happens in one run and says nothing of another; a limit,
+# beyond which the torque that is regressed on would stand on both sides; a delay, and a zero, which are found
+# at any size.
+PUSH, SATURATION = "external_contact", "torque_saturation"
+DELAY, ZERO = "torque_delay", "encoder_offset"
 # Bytes of all joints' samples at the full rate: families that are made at the same time share so many.
 MOST_AT_ONCE = 1 << 26
 # What the effect of a free function of the motion is called before its regime.
 FREE = "unknown: "
+# Of what is under no law of the catalogue.
+NO_EFFECT = EffectDescription(name="", title="", law="", reference="", scope=Scope.JOINT, parameters=())
 
 
 @dataclass(frozen=True)
@@ -55,16 +58,11 @@ class Candidate:
         """A run each, (M, n, k): filtered, and zero where the effect does not reach."""
         return tuple(over_all_joints(run, self.member.rows, self.joints) for run in self.filtered)
 
-    @cached_property
-    def largest(self) -> float:
-        """Largest absolute value of its columns at the full rate, of which no more is kept."""
-        return max(float(np.abs(run).max(initial=0.0)) for run in self.member.columns)
-
-    @cached_property
-    def rms(self) -> Array:
-        """RMS (k,) of its columns at the full rate, at the first of the member's rows."""
-        squares = np.sum([np.sum(run[:, 0] ** 2, axis=0) for run in self.member.columns], axis=0)
-        return np.sqrt(squares / self.samples)
+    @property
+    def description(self) -> EffectDescription:
+        """The description of its effect, an empty one where it is under no law of the catalogue."""
+        known = effects().get(self.family.effect)
+        return NO_EFFECT if known is None else known.DESCRIPTION
 
     @property
     def count(self) -> int:
@@ -91,7 +89,7 @@ class Candidate:
     @property
     def is_event(self) -> bool:
         """Whether it belongs to the runs it was seen in, and not to the robot."""
-        return self.family.effect == EVENT
+        return self.description.is_event
 
     @property
     def is_free(self) -> bool:
@@ -101,12 +99,13 @@ class Candidate:
     @property
     def is_common_delay(self) -> bool:
         """Whether it has the torque of all joints act late."""
-        return self.family.effect == DELAY and self.family.joint is None
+        return self.description.late and self.family.joint is None
 
     @property
     def is_late_alone(self) -> bool:
         """Whether it has one joint's torque act late, and no other's."""
-        return self.family.effect == DELAY and self.family.joint is not None
+        description = self.description
+        return description.late and not description.is_lag and self.family.joint is not None
 
     @property
     def place(self) -> Place:
@@ -165,7 +164,7 @@ def candidates(
     """
     logged, same = [run.logged for run in prepared.runs], defaultdict(list)
     for each in known:
-        if not effect(each.family.effect).DESCRIPTION.of_friction:
+        if not each.description.of_friction:
             same[each.place].append(each)
     wanted = [
         (name, joint, into)

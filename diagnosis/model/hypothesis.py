@@ -105,9 +105,14 @@ class Design:
         ends = np.cumsum([self.parameters, *(c.count for c in self.accepted)]).tolist()
         return tuple(slice(first, last) for first, last in pairwise(ends))
 
-    def joints_with(self, *names: str) -> set[int | None]:
-        """The joints at which any of these effects acts."""
-        return {each.family.joint for each in self.accepted if each.family.effect in names}
+    def joints_with(self, name: str) -> set[int | None]:
+        """The joints at which an effect acts."""
+        return {each.family.joint for each in self.accepted if each.family.effect == name}
+
+    @property
+    def yielding(self) -> set[int | None]:
+        """The joints with friction that yields before it slides."""
+        return {each.family.joint for each in self.accepted if each.description.yields}
 
     @cached_property
     def loading(self) -> tuple[NDArray[np.int64], ...]:

@@ -9,8 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from testbench.effects import effects
+
 from ..data.preparation import Prepared
-from .candidates import EVENT, SATURATION, Candidate, candidates
+from .candidates import Candidate, candidates
 from .free_functions import generic_candidates
 
 # Columns are the same where no joint's load differs by more than this share of it.
@@ -21,8 +23,8 @@ SAME_LOAD = 0.05
 class Sought:
     """The catalogue without some effects, along runs that are linearised again and again.
 
-    motions: free functions of the motion. catalogue: all members of all families, but of limits and of pushes
-    of the surroundings, which are searched for in ways of their own. Both as of the last ``along``.
+    motions: free functions of the motion. catalogue: all members of all families, but of effects that act at
+    times only, which are searched for in ways of their own. Both as of the last ``along``.
     """
 
     without: Sequence[str]
@@ -36,7 +38,8 @@ class Sought:
             # Old and new ones together would be too much for the memory of a small machine.
             self.motions, self.catalogue, self._loaded = [], [], prepared
         self.motions = generic_candidates(prepared, self.motions)
-        without = [*self.without, SATURATION, EVENT]
+        apart = [name for name, each in effects().items() if each.DESCRIPTION.at_times]
+        without = [*self.without, *apart]
         self.catalogue = candidates(prepared, without, known=self.catalogue)
 
 

@@ -10,16 +10,11 @@ from ..fit.likelihood import Weighed
 from ..fit.normal_equations import Fit, fitted_to
 from ..fit.score import Stage
 from ..model.candidates import Candidate
-from ..model.effect_sizes import CABLE, SPRINGS
 from ..model.hypothesis import Design
 from ..residual.unexplained import Unclaimed, share_left
 
 # Cycles a revolution.
 SLOWEST_RIPPLE = 10.0
-# A spring that explains this share of a joint's squared residual is one, though not quite by its law; a hose
-# is no straight line either.
-ONE_LAW, HOSE = 0.995, 0.95
-COUPLING = "joint_coupling"
 
 
 @dataclass(frozen=True)
@@ -63,13 +58,9 @@ def without_rests(accepted: Sequence[Accepted]) -> list[Accepted]:
 
 def is_rest(item: Accepted, accepted: Sequence[Accepted]) -> bool:
     """Whether it is a law of position at a joint that another reported one all but explains."""
-    others = (a for a in accepted if a.named and _is_other_law(a, item))
-    return _is_of_position(item) and any(a.share > max(item.share, _all_but_all(a)) for a in others)
-
-
-def _all_but_all(law: Accepted) -> float:
-    """The share of a joint's squared residual from which one law is considered to explain all."""
-    return HOSE if law.candidate.family.effect == CABLE else ONE_LAW
+    others = [a for a in accepted if a.named and _is_other_law(a, item)]
+    all_but_all = (a.share > max(item.share, a.candidate.description.explains_all) for a in others)
+    return _is_of_position(item) and any(all_but_all)
 
 
 def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple[Unclaimed, ...]:
@@ -86,9 +77,9 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
 
 
 def _is_of_position(item: Accepted) -> bool:
-    """Whether it is a spring, or a ripple too slow for the teeth of any gear."""
+    """Whether it is a law of position, as a spring's, or a ripple too slow for the teeth of any gear."""
     slow = item.candidate.member.shape.get("cycles", np.inf) < SLOWEST_RIPPLE
-    return item.candidate.family.effect in SPRINGS or slow
+    return item.candidate.description.of_position or slow
 
 
 def _is_other_law(one: Accepted, other: Accepted) -> bool:

@@ -12,7 +12,7 @@ from testbench.robot import Robot
 
 from ..fit.likelihood import Weighed, by_chance, gained, gained_by_shift, gained_elsewhere
 from ..fit.score import Gain, Stage
-from ..model.effect_sizes import ELASTIC, is_beyond_healthy
+from ..model.effect_sizes import is_beyond_healthy
 from ..model.hypothesis import LATE
 
 Array = NDArray[np.float64]
@@ -27,14 +27,14 @@ SMALLEST_ELSEWHERE = 7.5
 # Wald statistic of a size known to a fifth, and the log-likelihood that one must add which is beyond a
 # healthy robot's by so many standard deviations.
 SMALLEST_WALD, BEYOND, SMALLEST_GAIN = 25.0, 3.0, 10.0
-# An elasticity takes away torque that noise of the encoders seems to add: this multiple of that is more.
+# What takes away torque that noise of the encoders seems to add takes more than this multiple of that.
 OF_ENCODERS = 2.0
 
 
 def is_material(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     """Whether a candidate explains enough to be accepted. robot: that sizes are relative to."""
     gain, family = weighed.gain, weighed.candidate.family
-    if family.effect == ELASTIC and _is_of_encoders(stage, gain):
+    if gain.candidate.description.like_encoder_noise and _is_of_encoders(stage, gain):
         return False
     if gain.candidate.is_common_delay and stage.timing < -LATE:
         # All torque acts late, whatever it is called.

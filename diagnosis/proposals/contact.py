@@ -15,7 +15,6 @@ from ..fit.likelihood import Weighed, log_of_squares, odds
 from ..fit.normal_equations import Fit, squares, standard_values
 from ..fit.score import Gain, Stage
 from ..model.candidates import SATURATION, Candidate, Place, in_parallel
-from ..model.effect_sizes import BRISTLES
 from ..model.gram import Bank
 from ..model.hypothesis import Design
 from ..residual.unexplained import fitted_shares, foretold_shares
@@ -93,8 +92,8 @@ def contact(
         tuple(j for j in unforetold if fitted[j] < most) for most in (FITTED, MOSTLY_FITTED)
     )
     # So is what bristles leave that were bent when a run began.
-    bristles = stage.hypothesis.joints_with(BRISTLES)
-    sought = [joints for joints in pushed if not bristles.issuperset(joints)]
+    bristled = stage.hypothesis.yielding
+    sought = [joints for joints in pushed if not bristled.issuperset(joints)]
     if not sought:
         return None
     logged = _without_effects(stage)

@@ -5,19 +5,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from testbench.effects import effect
-from testbench.effects.cable_spring import HARDENING
+from testbench.effects.cable_spring import DESCRIPTION, HARDENING
 from testbench.effects.signature import Family, Member
 from testbench.robot import Robot
 
 from ..fit.delay import likeliest_delay
 from ..fit.likelihood import Weighed, gained, likeliest_of, log_likelihood, log_posterior, price
-from ..fit.linearisation import TRANSMISSIONS
 from ..fit.score import Stage
 from ..fit.shape_search import search, searched_for
 from ..model.candidates import DELAY, candidate
-from ..model.effect_sizes import BRISTLES, CABLE, LAG, RIPPLE, is_plausible, quantities
-from .ripple_peaks import second_waves
+from ..model.effect_sizes import is_plausible, quantities
+from .ripple_peaks import RIPPLE, second_waves
 
+CABLE = DESCRIPTION.name
 # Log-posterior of all runs together, less its price, by which a cable surely hardens, or a wave is more than
 # one: first moments take up much of any, and bent parameters predict left-out runs by chance.
 SURELY = 10.0
@@ -32,20 +32,21 @@ def late_alone(robot: Robot, stage: Stage, shortlist: Sequence[Weighed]) -> list
     if stage.prepared.joints == 1 or any(each.is_common_delay for each in stage.hypothesis.accepted):
         return []
     logged = [run.logged for run in stage.prepared.runs]
-    lags = [each.candidate.family for each in shortlist if each.candidate.family.effect == LAG]
+    lags = [each.candidate.family for each in shortlist if each.candidate.description.is_lag]
     families = [effect(DELAY).signature(logged, lag.joint, None) for lag in lags]
     return [late for each in families for late in _best_of(robot, stage, each, each.members)]
 
 
 def by_its_law(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
-    """The refined effect; of backlash, elasticity and bristles, by the law likeliest at its best shape.
+    """The refined effect by its likeliest law.
 
-    Far from its best shape, an effect of another law may seem the likelier.
+    Far from its best shape, an effect of another law may seem the likelier: where that happens, each law is
+    refined first.
     """
     family, law = found.candidate.family, found.candidate.member.law
     if family.effect == CABLE:
         return _cable(robot, stage, found)
-    if family.effect not in (*TRANSMISSIONS, BRISTLES):
+    if not found.candidate.description.laws_apart:
         return found if family.richer is None else _richer(robot, stage, found)
     tried, members = [found], family.members
     if family.richer is not None:

@@ -27,7 +27,6 @@ from ..fit.likelihood import Weighed, gained, gained_by_shift
 from ..fit.normal_equations import standard_values
 from ..fit.score import Stage
 from ..model.candidates import Candidate, without_law
-from ..model.effect_sizes import BRISTLES
 from ..model.gram import Bank
 from .standing_drive import apart_from_standing, standing_drives
 
@@ -47,7 +46,6 @@ MORE = 1.3
 AS_MUCH = 0.5
 # And the share of the joint's samples that must be left.
 FEWEST = 0.25
-FALLING = "stribeck_friction"
 # s: leads l that are tried, how far apart they are, and the widths that each is tried with.
 LEADS, LEADS_APART, LEADING_WIDTHS = (0.0045, 0.0065, 0.0095, 0.014), 1.45, (0.0, 0.012)
 # Of so many joints, where there are as many: it is the simulator's, not a joint's. And this share of Coulomb
@@ -141,7 +139,7 @@ def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> fl
 def _soft(stage: Stage, least: Array, soft: Bank) -> dict[int, float]:
     """The joints whose friction is soft near rest, softer than is known, and its width w, rad/s (m/s)."""
     # Bristles are soft near rest in their own way.
-    bristled = stage.hypothesis.joints_with(BRISTLES)
+    bristled = stage.hypothesis.yielding
     coulomb, least = _coulomb(stage), least.copy()
     found: dict[int, float] = {}
     for each, gain in zip(soft.candidates, stage.gains(soft), strict=True):
@@ -166,7 +164,7 @@ def _soft(stage: Stage, least: Array, soft: Bank) -> dict[int, float]:
 def _is_left(stage: Stage, joint: int, width: float) -> bool:
     """Whether softness is only what a joint's falling friction leaves: it explains little without that."""
     accepted = stage.hypothesis.accepted
-    falling = [c for c in accepted if c.family.effect == FALLING and c.family.joint == joint]
+    falling = [c for c in accepted if c.description.falls and c.family.joint == joint]
     if not falling:
         return False
     rest = [c for c in accepted if c is not falling[0]]

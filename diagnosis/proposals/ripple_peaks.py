@@ -4,17 +4,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbench.effects.signature import Member
-from testbench.effects.transmission_ripple import highest_cycles, peaks_of, ripples
+from testbench.effects.transmission_ripple import DESCRIPTION, highest_cycles, peaks_of, ripples
 
 from ..fit.normal_equations import Fit, squares
 from ..fit.score import Stage
 from ..model.candidates import Candidate, candidate
-from ..model.effect_sizes import RIPPLE
 from ..model.hypothesis import Design
 from ..plausibility.accepted import SLOWEST_RIPPLE
 
 Array = NDArray[np.float64]
 
+RIPPLE = DESCRIPTION.name
 # Of a joint's squared residual, what is left where the peaks may be others.
 OTHERS = 0.5
 

@@ -9,7 +9,7 @@ import numpy as np
 from testbench.robot import Robot
 
 from ..fit.likelihood import Weighed, gained, log_posterior
-from ..fit.linearisation import TRANSMISSIONS, linearised_anew
+from ..fit.linearisation import linearised_anew
 from ..fit.normal_equations import Fit, fitted_to
 from ..fit.score import Stage
 from ..model.base_regressor import ground
@@ -27,7 +27,7 @@ def linearised_until_settled(robot: Robot, hypothesis: Design, fitted: Fit) -> t
     robot: that sizes are relative to.
     """
     best = linearised = linearised_anew(hypothesis, fitted)
-    if not any(each.family.effect in TRANSMISSIONS for each in hypothesis.accepted):
+    if not any(each.description.of_transmission for each in hypothesis.accepted):
         return best
     before, most = log_posterior(hypothesis, fitted), -np.inf
     for _ in range(MOST_PASSES):
@@ -45,7 +45,7 @@ def refined_again(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[Design
     """The hypothesis with the shapes of its backlash and soft gearboxes searched for anew; and its fit."""
     prepared, base = hypothesis.prepared, ground(hypothesis.prepared)
     for place, each in enumerate(hypothesis.accepted):
-        if each.family.effect not in TRANSMISSIONS:
+        if not each.description.of_transmission:
             continue
         others = [*hypothesis.accepted[:place], *hypothesis.accepted[place + 1 :]]
         stage = Stage.of(base, others)

@@ -17,7 +17,6 @@ from testbench.effects.signature import Member
 from ..data.run import Run
 from ..fit.score import Gain, Stage
 from ..model.candidates import Candidate
-from ..model.effect_sizes import LAG
 from ..plausibility.accepted import Accepted, without_one
 from ..residual.spectrum import SMALLEST, kept_rate
 from ..residual.unexplained import NOTHING, Unclaimed, share_left
@@ -49,7 +48,7 @@ def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
     left, found = share_left(first, last), []
     for place, item in enumerate(accepted):
         joint = item.candidate.family.joint
-        if not item.named or item.candidate.family.effect != LAG or joint is None:
+        if not item.named or not item.candidate.description.is_lag or joint is None:
             continue
         alone = Stage(last.ground, *without_one(last.prepared, accepted, place))
         law = [run @ last.fitted.values[last.hypothesis.parts[place]] for run in item.candidate.filtered]
@@ -72,7 +71,9 @@ def without_shaken(accepted: Sequence[Accepted], found: Sequence[Unclaimed]) -> 
     found: of ``vibrations``, among others.
     """
     shaken = {each.joint for each in found if each.regime == VIBRATION}
-    return [a for a in accepted if a.candidate.family.effect != LAG or a.candidate.family.joint not in shaken]
+    return [
+        a for a in accepted if not a.candidate.description.is_lag or a.candidate.family.joint not in shaken
+    ]
 
 
 def worth_telling(found: Sequence[Unclaimed]) -> list[Unclaimed]:

@@ -11,17 +11,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbench.effects.base import EffectDescription, Scope
+
 from ..data.preparation import Prepared
 from ..decision.attribution import Attribution
 from ..decision.found import Found
 from ..decision.reported_effects import accepted_as
 from ..fit.likelihood import Weighed
-from ..fit.linearisation import PAYLOAD, RELINEARISED, TRANSMISSIONS, first_linearised
+from ..fit.linearisation import first_linearised
 from ..fit.normal_equations import standard_values
 from ..fit.score import Stage
 from ..held_out.folds import covered, covered_for
 from ..model.base_regressor import ground
-from ..model.effect_sizes import OFFSET, with_friction
+from ..model.candidates import ZERO
+from ..model.effect_sizes import with_friction
 from ..model.gram import Bank
 from ..model.library import Sought
 from ..proposals.low_speed_friction import NearRest, near_rest, with_friction_near_rest
@@ -32,8 +35,6 @@ from .grown import Banks, Grown, as_of
 from .search_round import Search
 
 MOST_EFFECTS, MOST_TERMS = 8, 16
-# What moves the loads of several joints, or a joint against its encoder, as a zero that lies elsewhere does.
-LIKE_ZEROS = ("base_tilt", PAYLOAD, *TRANSMISSIONS)
 # An encoder offset that the runs are linearised with is accepted among the first effects, if there is one.
 FIRST_TAKEN = 4
 
@@ -46,7 +47,7 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     """
     # What depends on the logs alone stays when all is begun again.
     limits, sought = cuts(prepared), Sought(without)
-    prepared, known, seeks_zero = covered(prepared), NearRest(), OFFSET not in without
+    prepared, known, seeks_zero = covered(prepared), NearRest(), ZERO not in without
     while True:
         begun = first_linearised(with_friction_near_rest(prepared, known), seeks_zero)
         grown = _grown(begun, limits, sought)
@@ -83,7 +84,7 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
         firsts = [*(a.candidate.place[:2] for a in grown.accepted), found.best.candidate.place[:2]]
         if zero and len(firsts) >= FIRST_TAKEN and zero not in firsts:
             return None
-        if found.best.candidate.family.effect in RELINEARISED:
+        if found.best.candidate.description.relinearised:
             # Columns along the runs as they were linearised before are of no use, and large.
             grown = replace(grown, banks=None, weighed=())
         grown = _with(grown, found, search, sought)
@@ -123,11 +124,16 @@ def _with(grown: Grown, found: Found, search: Search, sought: Sought) -> Grown:
 
 def _zero_of(prepared: Prepared) -> tuple[str, int]:
     """Effect and joint of the encoder offset that the runs are linearised with."""
-    return OFFSET, int(np.argmax(np.abs(prepared.zeros)))
+    return ZERO, int(np.argmax(np.abs(prepared.zeros)))
 
 
 def _is_of_another(zero: tuple[str, int], weighed: Sequence[Weighed]) -> bool:
     """Whether an effect that resembles an encoder offset gains more than the offset. weighed: best first."""
     places = [w.candidate.place[:2] for w in weighed]
-    ahead = places[: places.index(zero)] if zero in places else places
-    return any(name in LIKE_ZEROS for name, _ in ahead)
+    ahead = weighed[: places.index(zero)] if zero in places else weighed
+    return any(_is_like_a_zero(w.candidate.description) for w in ahead)
+
+
+def _is_like_a_zero(description: EffectDescription) -> bool:
+    """Whether an effect moves the loads of several joints, or a joint against its encoder, as a zero does."""
+    return description.of_transmission or (description.scope is Scope.ROBOT and not description.late)

@@ -11,20 +11,17 @@ from testbench.robot import Robot
 from ..decision.found import Found
 from ..fit.likelihood import Weighed, weigh
 from ..fit.score import Gain, Stage
-from ..model.candidates import EVENT, SATURATION
-from ..model.effect_sizes import ELASTIC, RIPPLE, is_plausible
+from ..model.candidates import PUSH, SATURATION
+from ..model.effect_sizes import is_plausible
 from ..model.gram import Bank
 from ..plausibility.materiality import is_material
 from ..proposals.contact import contact, explains_all_bursts, is_in_bursts_at_several
-from ..proposals.ripple_peaks import ripple_candidates
+from ..proposals.ripple_peaks import RIPPLE, ripple_candidates
 from ..proposals.saturation import Cut, saturation
 from .shortlist import choose
 
 # An effect that all runs together fit as zero, by this Wald statistic, is none, whatever parts predict.
 AS_NOTHING = 1.0
-# A spring's column has a coefficient of one where its shape is right. With less than this it is another's,
-# which a little of its resonance happens to look like.
-LEAST_SPRING = 0.15
 # A push that explains so many times what any effect does is seen first: it would be taken for effects.
 FAR_MORE = 3.0
 # A limit that gains less than this share of what a push at its joint does is none.
@@ -51,7 +48,7 @@ class Search:
         taken = {each.place for each in stage.hypothesis.accepted}
 
         def allowed(gain: Gain) -> bool:
-            if gain.candidate.family.effect == ELASTIC and gain.coefficients[0] < LEAST_SPRING:
+            if gain.coefficients[0] < gain.candidate.description.least_coefficient:
                 return False
             # What is held at a bound above zero is another shape's.
             lower = gain.candidate.member.lower
@@ -103,7 +100,7 @@ class Search:
 
     def push(self, stage: Stage, free: Bank) -> Found | None:
         """A push of the surroundings, the only one."""
-        if EVENT in self.without or any(each.is_event for each in stage.hypothesis.accepted):
+        if PUSH in self.without or any(each.is_event for each in stage.hypothesis.accepted):
             return None
         found = contact(stage, free)
         return None if found is None else Found(*found)

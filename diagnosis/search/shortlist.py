@@ -14,7 +14,6 @@ from ..fit.normal_equations import Fit
 from ..fit.score import Stage
 from ..fit.shape_search import searched_for
 from ..model.candidates import DELAY, Candidate
-from ..model.effect_sizes import ECCENTRICITY, LAG, OFFSET, SPRINGS
 from ..model.gram import Bank
 from ..model.hypothesis import Design
 from ..proposals.laws import MORE_TRIED, by_its_law, late_alone, refined
@@ -99,7 +98,7 @@ def _is_told_by_all_runs(stage: Stage, trial: tuple[Design, Fit]) -> bool:
     """
     last = trial[0].accepted[-1]
     is_delay = last.is_common_delay
-    if not is_delay and not bends_parameters(last.family):
+    if not is_delay and not bends_parameters(last):
         return False
     least = 0.0 if is_delay else EVIDENCE_AGAINST_RUNS
     more = log_posterior(*trial) - log_posterior(stage.hypothesis, stage.fitted)
@@ -118,14 +117,15 @@ def _by_all_runs(
     """
     found = list(likelihoods)
     first = int(np.argmax(found))
-    family = listed[first].family
+    best = listed[first]
 
     def is_alike(index: int) -> bool:
-        other = listed[index].family
-        if other.joint == family.joint and {other.effect, family.effect} <= {OFFSET, ECCENTRICITY}:
+        other = listed[index]
+        is_same_joint = other.family.joint == best.family.joint
+        if is_same_joint and best.description.of_encoder and other.description.of_encoder:
             return True
         near = found[index] > found[first] - AS_LIKELY
-        return near and other.effect == family.effect and bends_parameters(family)
+        return near and other.family.effect == best.family.effect and bends_parameters(best)
 
     near = [index for index in range(len(listed)) if is_alike(index)]
     if len(near) < 2:
@@ -148,7 +148,7 @@ def _behind_lags(listed: Sequence[Candidate], likelihoods: Sequence[float]) -> l
     lags = {
         each.family.joint: own
         for each, own in zip(listed, likelihoods, strict=True)
-        if each.family.effect == LAG
+        if each.description.is_lag
     }
     return [
         min(own, lags[each.family.joint]) if each.is_late_alone else own
@@ -180,6 +180,6 @@ def _that_fit(likely: Weighed, open_: Sequence[Weighed]) -> list[Weighed]:
     """
     own = [w for w in open_ if w.candidate.family.joint == likely.candidate.family.joint and w.score > 0]
     best = max(own, key=lambda w: w.gain.objective, default=likely)
-    if likely.candidate.family.effect not in SPRINGS:
+    if not likely.candidate.description.of_position:
         return [best]
-    return [best, *(w for w in own if w.candidate.family.effect in SPRINGS)]
+    return [best, *(w for w in own if w.candidate.description.of_position)]

@@ -1,7 +1,8 @@
 """The catalogue of unmodelled effects: one effect a file, found by import.
 
 An effect's file has ``DESCRIPTION`` and its three faces: ``action`` (how it acts in the simulated
-robot), ``signature`` (how it shows along logged signals) and ``write`` (how it is put into an MJCF).
+robot), ``signature`` (how it shows along logged signals) and ``write`` (how it is put into an MJCF). Where
+a fitted effect's size goes by more than its parameters, it has the functions of fitted_effect.py, too.
 """
 
 import importlib

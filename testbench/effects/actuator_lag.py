@@ -23,6 +23,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import on_one_joint
+from .experiment import Experiment
 from .mjcf_form import drive
 from .signature import Family, Logged, Member, coefficients_as_named
 
@@ -38,6 +39,9 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("time_constant", "s", 0.0, 0.1, (0.0003, 0.02)),),
     laws=("first_order", "second_order"),
     confused_with=("torque_delay", "joint_elasticity"),
+    told_by=(Experiment.HIGH_FREQUENCIES,),
+    late=True,
+    relinearised=True,
     of_friction=True,
     # Joints of one bus are sampled up to a millisecond apart; a torque may be a mean over its sample.
     healthy=3.0,

@@ -20,6 +20,8 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import on_one_joint
+from .experiment import Experiment
+from .fitted_effect import FittedEffect, times
 from .passive_device import passive_device
 from .signature import Family, Logged, Member, coefficients_as_named
 
@@ -35,6 +37,7 @@ DESCRIPTION = EffectDescription(
         EffectParameter("viscous_difference", "N·m·s/rad", -np.inf, np.inf, (0.02, 0.25), "viscous"),
     ),
     confused_with=("cable_spring", "gravity_spring", "base_tilt"),
+    told_by=(Experiment.CONSTANT_SPEEDS,),
     # A tenth of friction differs by direction on any joint.
     healthy=5.0,
     sizes=("offset", "viscous_difference"),
@@ -65,6 +68,19 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     member = Member({}, (joint,), columns, -free, free)
     named = coefficients_as_named(DESCRIPTION, ("offset", "viscous_difference"))
     return Family(DESCRIPTION.name, joint, (member,), named)
+
+
+def size(fitted: FittedEffect) -> float:
+    """The larger of its offset and its difference, as a multiple of a mild one.
+
+    Where friction is little of the torque, any direction's share of it is nothing.
+    """
+    speed = max(float(fitted.member.rms[1]), float(np.finfo(float).tiny))
+    mild = max(fitted.mild("viscous_difference"), fitted.least_torque / speed)
+    return max(
+        times(fitted.value("offset"), fitted.mild("offset")),
+        times(fitted.value("viscous_difference"), mild),
+    )
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import by_run
+from .experiment import Experiment
 from .joint_elasticity import add_link_joint
 from .link_motion import link_row, loose_change
 from .mjcf_form import file_angle
@@ -39,6 +40,10 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("gap", "rad", 0.0, 0.1, (0.0001, 0.004)),),
     laws=("dead_zone", "soft_contact"),
     confused_with=("presliding_hysteresis", "stribeck_friction", "joint_elasticity"),
+    told_by=(Experiment.HIGH_FREQUENCIES, Experiment.SMALL_REVERSALS),
+    of_transmission=True,
+    relinearised=True,
+    laws_apart=True,
 )
 
 SOFT_CONTACT = 0.25

@@ -11,6 +11,7 @@ from ..robot import Robot
 from .action import Action, SimulatedRobot
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import ColumnsByInstant
+from .experiment import Experiment
 from .signature import Family, Logged, Member, coefficients_as_named
 
 Array = NDArray[np.float64]
@@ -26,6 +27,8 @@ DESCRIPTION = EffectDescription(
         EffectParameter("pitch", "rad", -0.5, 0.5, (0.002, 0.05)),
     ),
     confused_with=("encoder_offset", "cable_spring", "gravity_spring"),
+    told_by=(Experiment.WHOLE_RANGE,),
+    relinearised=True,
     loads=True,
     sizes=("roll", "pitch"),
 )

@@ -24,6 +24,8 @@ from .action import (
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .bristle import bristle_step, unit_bristle
 from .columns import on_one_joint
+from .experiment import Experiment
+from .fitted_effect import FittedEffect, times
 from .mjcf_form import file_angle, joint_element
 from .signature import Family, Logged, Member, Quantity
 
@@ -45,6 +47,10 @@ DESCRIPTION = EffectDescription(
     ),
     laws=(LINEAR, HYSTERETIC, HARDENING),
     confused_with=("gravity_spring", "asymmetric_friction", "base_tilt"),
+    told_by=(Experiment.WHOLE_RANGE,),
+    of_position=True,
+    # A hose is no straight line.
+    explains_all=0.95,
     loads=True,
     # Every arm has a dress pack, and it pulls.
     healthy=1.2,
@@ -61,6 +67,8 @@ LIKELY_RESTS, RESTS = (-0.75, 0.0, 0.75), (-1.5, 1.5)
 LIKELY_DOUBLING, DOUBLINGS = 0.6, (0.2, 3.0)
 # rad.
 STILL = 1e-6
+# Where its size is judged, from rest: at this share of the joint's range, and at most so many rad (m).
+OF_RANGE, FARTHEST = 0.5, 1.0
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -156,6 +164,24 @@ def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quanti
         "stiffness": Quantity(stiffness, float(std[0]), "N·m/rad"),
         "rest": Quantity(rest, float(std[1]), "rad"),
     }
+
+
+def size(fitted: FittedEffect) -> float:
+    """Its pull at half of the joint's range, or at one rad (m), as a multiple of a mild one's at one."""
+    return times(fitted.value("stiffness") * _lever(fitted), fitted.mild("stiffness"))
+
+
+def _lever(fitted: FittedEffect) -> float:
+    """Distance from rest at which a cable is judged, rad (m).
+
+    One that hardens pulls there as if it were as much farther, but no more than it does in these runs: beyond
+    their motion nothing is known of it.
+    """
+    limits, joint = fitted.robot.limits, fitted.own_joint
+    lever = min(OF_RANGE * float(limits.upper[joint] - limits.lower[joint]), FARTHEST)
+    if "doubling" not in fitted.values:
+        return lever
+    return min(lever * (1 + (lever / fitted.value("doubling")) ** 2), fitted.member.largest)
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

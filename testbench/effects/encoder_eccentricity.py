@@ -22,6 +22,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import by_run
+from .experiment import Experiment
 from .signature import Family, Logged, Member, Quantity, wave_parameters
 
 Array = NDArray[np.float64]
@@ -44,6 +45,9 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("once_per_turn", TWO_HARMONICS),
     confused_with=("encoder_offset", "joint_elasticity", "transmission_ripple"),
+    told_by=(Experiment.TWO_SLOW_SPEEDS,),
+    of_encoder=True,
+    relinearised=True,
     loads=True,
     hinges_only=True,
     of_friction=True,

@@ -10,6 +10,7 @@ from ..robot import Robot
 from .action import READING, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, require_joint, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import by_run
+from .experiment import Experiment
 from .mjcf_form import file_angle, joint_element
 from .signature import Family, Logged, Member, coefficients_as_named
 
@@ -23,6 +24,9 @@ DESCRIPTION = EffectDescription(
     scope=Scope.JOINT,
     parameters=(EffectParameter("offset", "rad", -0.5, 0.5, (0.0005, 0.05)),),
     confused_with=("encoder_eccentricity", "base_tilt", "gravity_spring", "payload"),
+    told_by=(Experiment.WHOLE_RANGE,),
+    of_encoder=True,
+    relinearised=True,
     loads=True,
     # Small errors of an encoder are what other imperfections of a loaded joint look like.
     healthy=15.0,

@@ -24,6 +24,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import Window, WindowedColumns
+from .experiment import Experiment
 from .link_force import LINK, force_in_link, independent, link_table, push_point, push_torques
 from .logged import body_in_link
 from .mjcf_form import drive, joint_element
@@ -61,6 +62,9 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("link_force", "world_force", "joint_torque"),
     confused_with=("torque_saturation", "cable_spring"),
+    told_by=(Experiment.ONCE_MORE,),
+    at_times=True,
+    is_event=True,
     # A push is one, however weak.
     healthy=0.0,
 )

@@ -23,8 +23,11 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import on_one_joint
+from .experiment import Experiment
+from .fitted_effect import FittedEffect, times
 from .passive_device import passive_device
 from .signature import Family, Logged, Member, Quantity, amplitude_and_phase, coefficients_as_named
+from .size import scale_of
 
 Array = NDArray[np.float64]
 
@@ -42,6 +45,8 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("sine", "gas_spring"),
     confused_with=("cable_spring", "payload", "encoder_offset", "base_tilt"),
+    told_by=(Experiment.WHOLE_RANGE,),
+    of_position=True,
     loads=True,
     hinges_only=True,
 )
@@ -51,6 +56,8 @@ SINE, GAS_SPRING = DESCRIPTION.laws
 PHASES = 24
 # Of a gas spring's torque as a sum of sines: what comes after leaves 2 % of it.
 HARMONICS = 4
+# A spring that holds less than this share of the Coulomb friction may be any cable.
+OF_COULOMB = 0.1
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -108,6 +115,12 @@ def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quanti
         "stiffness": Quantity(stiffness, stiffness_std, "N·m"),
         "phase": Quantity(-phase, phase_std, "rad"),
     }
+
+
+def size(fitted: FittedEffect) -> float:
+    """Its stiffness as a multiple of a mild one, which holds a share of the Coulomb friction at least."""
+    least = OF_COULOMB * scale_of("coulomb", fitted.robot, fitted.joint)
+    return times(fitted.value("stiffness"), max(fitted.mild("stiffness"), least))
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

@@ -46,6 +46,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("coulomb", "smooth"),
     confused_with=("load_dependent_friction",),
+    viscous="viscous",
     sizes=("viscous", "coulomb"),
 )
 

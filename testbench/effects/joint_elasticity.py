@@ -28,6 +28,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import by_run
+from .experiment import Experiment
 from .link_motion import elastic_change, link_row, typical_link_inertia
 from .mjcf_form import joint_element
 from .signature import Family, Logged, Member, Quantity
@@ -50,6 +51,13 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("two_mass", "hardening", "quasi_static"),
     confused_with=("torque_delay", "actuator_lag", "backlash"),
+    told_by=(Experiment.HIGH_FREQUENCIES,),
+    of_transmission=True,
+    relinearised=True,
+    laws_apart=True,
+    like_encoder_noise=True,
+    # Where the shape is right it is 1; with less another effect looks a little like its resonance.
+    least_coefficient=0.15,
     # By their first law springs that stiffen are fitted two to three times too stiff.
     healthy=0.35,
 )

@@ -22,6 +22,8 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import on_one_joint
+from .experiment import Experiment
+from .fitted_effect import ALL_BUT_ALL, FittedEffect
 from .signature import Family, Logged, Member, coefficients_as_named
 
 Array = NDArray[np.float64]
@@ -36,11 +38,15 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("coefficient", "-", 0.0, 1.0, (0.03, 0.15)),),
     laws=("symmetric", "driving"),
     confused_with=("gravity_spring", "stribeck_friction", "torque_gain_error"),
+    told_by=(Experiment.TWO_LOADS,),
     of_friction=True,
 )
 _, DRIVING = DESCRIPTION.laws
 # Share of it where the load drives the motor, by the second law.
 DRIVEN = 0.5
+# No gear loses so many times the severe end's share of its load. Worms and small gears lose more; there it
+# explains all but all.
+MOST = 1.5
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -72,6 +78,12 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     members = member({}, None), member({"driven": DRIVEN}, DRIVING)
     return Family(DESCRIPTION.name, joint, members, coefficients_as_named(DESCRIPTION, ("coefficient",)))
+
+
+def is_excessive(fitted: FittedEffect, share: float) -> bool:
+    """Whether it grows with the load as no gear's friction does."""
+    _, severe = fitted.typical("coefficient")
+    return fitted.value("coefficient") > MOST * severe and share < ALL_BUT_ALL
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

@@ -21,9 +21,11 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import on_one_joint
+from .experiment import Experiment
+from .fitted_effect import ALL_BUT_ALL, FittedEffect, times
 from .mjcf_form import joint_element
 from .signature import Family, Logged, Member, coefficients_as_named, grid_family
-from .size import speed_limit
+from .size import scale_of, speed_limit
 
 Array = NDArray[np.float64]
 
@@ -42,11 +44,19 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("power", "saturating"),
     confused_with=("stribeck_friction", "thermal_friction_drift"),
+    told_by=(Experiment.CONSTANT_SPEEDS,),
 )
 
 EXPONENTS, LEAST, LARGEST = (0.33, 0.5, 0.67, 1.5, 2.0), 0.25, 3.2
 # Speeds at which MuJoCo's polynomial is fitted, as shares of the speed limit.
 SPEEDS = np.linspace(0.02, 1.0, 50)
+# From this exponent on towards one its size falls to nothing.
+LEAST_BENT = 0.7
+# The typical coefficient is that of a small exponent; one above 1 bends the viscous torque by this share, if
+# mildly.
+BENT = 0.1
+# So many times a mild one is no oil's.
+MOST_BENT = 30.0
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -84,6 +94,28 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
     named = coefficients_as_named(DESCRIPTION, ("coefficient",))
     grid, wider = {"exponent": EXPONENTS}, {"exponent": (LEAST, LARGEST)}
     return grid_family(DESCRIPTION.name, joint, member, grid, named, wider=wider)
+
+
+def size(fitted: FittedEffect) -> float:
+    """Its coefficient as a multiple of a mild one, by as much as its exponent bends friction.
+
+    By an exponent above 1 its torque at the highest speed of the runs, beyond which nothing is known, as a
+    multiple of a share of the viscous torque there.
+    """
+    coefficient, exponent = fitted.value("coefficient"), fitted.value("exponent")
+    if exponent > 1:
+        power = fitted.member.largest
+        speed = power ** (1 / exponent)
+        bends = min(exponent * (exponent - 1) / 2, 1.0)
+        mild = BENT * speed * scale_of("viscous", fitted.robot, fitted.joint)
+        return times(coefficient * (power * bends), mild)
+    bends = min((1 - exponent) / (1 - LEAST_BENT), 1.0) if exponent < 1 else 1.0
+    return times(coefficient * bends, fitted.mild("coefficient"))
+
+
+def is_excessive(fitted: FittedEffect, share: float) -> bool:
+    """Whether friction bends as no oil's does."""
+    return size(fitted) > MOST_BENT and share < ALL_BUT_ALL
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

@@ -15,6 +15,8 @@ from ..robot import Robot
 from .action import Action, SimulatedRobot
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import ColumnsByInstant
+from .experiment import Experiment
+from .fitted_effect import FittedEffect, times
 from .signature import Family, Logged, Member, Quantity
 
 Array = NDArray[np.float64]
@@ -35,6 +37,11 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("sphere", "point"),
     confused_with=("torque_gain_error", "encoder_offset"),
+    told_by=(Experiment.KNOWN_LOAD,),
+    of_last_link=True,
+    relinearised=True,
+    # Of one that turns about a vertical axis alone the mass may stay open.
+    known_by=("first_moment",),
 )
 DENSITY = 2700.0
 MOMENTS = ("first_moment_x", "first_moment_y", "first_moment_z")
@@ -44,6 +51,11 @@ REACH = 1.0
 OF_THE_LINKS, OF_THE_LENGTH = 1.0, 0.5
 # m; an arm of one joint has no length between joints.
 SHORTEST = 0.5
+# A kilogram is much on a small arm: there a mild mass is this share of the last link's, or of the heaviest's
+# hundredth where the model has next to nothing last.
+OF_LAST_LINK, OF_HEAVIEST = 0.45, 0.01
+# A tool's centre is no farther from the last joint than this share of the arm's length.
+TOOL_REACH = 0.4
 
 
 def centre_and_inertia(injection: Injection) -> tuple[float, Array, float]:
@@ -135,6 +147,21 @@ def _widths(run: Logged) -> Array:
 def arm_length(chain: Chain) -> float:
     """Length of the arm along its joints' anchors, m, from the first on; SHORTEST at least."""
     return max(float(np.linalg.norm(chain.tree.translation[1:], axis=1).sum()), SHORTEST)
+
+
+def size(fitted: FittedEffect) -> float:
+    """Its mass as a multiple of a mild one on this arm."""
+    masses = fitted.robot.parameters.reshape(-1, PER_JOINT)[:, MASS]
+    last, heaviest = float(masses[fitted.robot.chain.last]), float(masses.max())
+    return times(
+        fitted.value("mass"), min(fitted.mild("mass"), OF_LAST_LINK * max(last, OF_HEAVIEST * heaviest))
+    )
+
+
+def is_plausible(fitted: FittedEffect) -> bool:
+    """Whether its centre is where a tool's can be."""
+    moment = float(np.linalg.norm(fitted.values["first_moment"].value))
+    return moment <= TOOL_REACH * arm_length(fitted.robot.chain) * fitted.value("mass")
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

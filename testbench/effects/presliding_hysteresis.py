@@ -26,8 +26,11 @@ from .action import (
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .bristle import bristle_step, dahl_step, unit_bristle
 from .columns import on_one_joint
+from .experiment import Experiment
+from .fitted_effect import FittedEffect
 from .passive_device import coulomb_level, passive_device
 from .signature import Family, Logged, Member, Quantity
+from .size import scale_of
 
 Array = NDArray[np.float64]
 
@@ -46,6 +49,9 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("dahl", "lugre", "elasto_plastic", "dahl_exponent"),
     confused_with=("stribeck_friction", "backlash"),
+    told_by=(Experiment.SMALL_REVERSALS,),
+    yields=True,
+    laws_apart=True,
     # Any joint may yield by a fifth of a milliradian, and bristles that do not slip at first seem too stiff.
     healthy=0.4,
 )
@@ -61,6 +67,10 @@ SHORTEST = 0.00005
 # Beside Dahl's own of one, which is met most: bearings yield longer, what sticks and breaks not as long. The
 # latter looks much like his own, so that the former alone is looked for first.
 LIKELY_EXPONENT, EXPONENTS = 2.0, (0.2, 3.0)
+# Bristles bear all of a joint's Coulomb friction: with less than this share it is another hysteresis.
+SMALLEST_LEVEL = 0.55
+# An encoder that counts in no less than this part of their displacement looks like them.
+COUNTS = 2.5
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -142,6 +152,13 @@ def _parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quanti
         std = float(np.sqrt(max(covariance[2, 2], 0.0)))
         found["exponent"] = Quantity(member.shape["exponent"], std, "-")
     return found
+
+
+def is_distinct(fitted: FittedEffect) -> bool:
+    """Whether it bears the joint's Coulomb friction, over a displacement that the encoder resolves."""
+    level = SMALLEST_LEVEL * scale_of("coulomb", fitted.robot, fitted.joint)
+    resolved = fitted.member.shape["displacement"] > COUNTS * fitted.position_step
+    return bool(resolved and fitted.coefficients[0] >= level)
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

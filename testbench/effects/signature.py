@@ -15,6 +15,7 @@ pair or None.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,18 @@ class Member:
         """Number of coefficients, k."""
         return len(self.lower)
 
+    @cached_property
+    def largest(self) -> float:
+        """Largest absolute value of its columns."""
+        return max(float(np.abs(run).max(initial=0.0)) for run in self.columns)
+
+    @cached_property
+    def rms(self) -> Array:
+        """RMS (k,) of its columns, at the first of its rows."""
+        parts = [(np.sum(run[:, 0] ** 2, axis=0), len(run)) for run in self.columns]
+        squares, samples = (np.sum(each, axis=0) for each in zip(*parts, strict=True))
+        return np.asarray(np.sqrt(squares / samples))
+
     def spread(self, run: int, joints: int) -> Array:
         """The columns of one run over all joints, (N, n, k); zero where the effect does not reach."""
         return over_all_joints(self.columns[run], self.rows, joints)
@@ -89,6 +102,11 @@ class Family:
     swallowed: bool = False
     picked_from: int = 0
     richer: Callable[[Member], tuple[Member, ...]] | None = None
+
+    @property
+    def differs_in_kind(self) -> bool:
+        """Whether its members have shapes that are not refined, of which another may hold as well."""
+        return any(name not in self.refine for member in self.members for name in member.shape)
 
     @property
     def of_all_laws(self) -> tuple[Member, ...]:

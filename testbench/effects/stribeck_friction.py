@@ -21,6 +21,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import on_one_joint
+from .experiment import Experiment
 from .passive_device import coulomb_level, passive_device
 from .signature import Family, Logged, Member, coefficients_as_named, grid_family
 
@@ -41,6 +42,8 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("exponential", "rational"),
     confused_with=("presliding_hysteresis", "nonlinear_viscous_friction", "backlash"),
+    told_by=(Experiment.SMALL_REVERSALS, Experiment.CONSTANT_SPEEDS),
+    falls=True,
     of_friction=True,
     healthy=1.0,
 )

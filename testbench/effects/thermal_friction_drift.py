@@ -28,6 +28,8 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import ColumnsByRun
+from .experiment import Experiment
+from .fitted_effect import FittedEffect, times
 from .signature import Family, Logged, Member, Quantity, coefficients_as_named
 
 Array = NDArray[np.float64]
@@ -48,6 +50,8 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("one_node", "two_node"),
     confused_with=("nonlinear_viscous_friction",),
+    told_by=(Experiment.WARM_UP,),
+    relinearised=True,
     of_friction=True,
     # Any joint loses a tenth of its viscous friction as it warms.
     healthy=0.5,
@@ -62,6 +66,10 @@ LIKELY_DROP = 0.4
 LARGEST_COEFFICIENT = 4.0
 # What a run ends with and the next one starts with tells a time constant closely; within one run hardly.
 CLOSE, FAR, SHORTEST = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0), (5.0, 20.0, 80.0), 2.0
+# s: no gear warms within less.
+FASTEST = 3.5
+# s: what warms for far longer than the runs last has any drop; it is sized as if with this time constant.
+SLOWEST = 80.0
 
 
 def action(injection: Injection, simulated: SimulatedRobot) -> Action:
@@ -195,6 +203,18 @@ def _first_order(heat: Array, falling: Array, share: float, start: float, out: A
         lost = min(LIKELY_DROP * state, HIGHEST_DROP)
         state += share * (heat[t] - lost * falling[t] - state)
         out[t] = state
+
+
+def size(fitted: FittedEffect) -> float:
+    """Its drop, as far as the runs reach it, as a multiple of a mild one."""
+    constant = fitted.member.shape["time_constant"]
+    reached = float(np.expm1(-fitted.seconds / constant) / np.expm1(-fitted.seconds / SLOWEST))
+    return times(fitted.value("drop") * min(reached, 1.0), fitted.mild("drop"))
+
+
+def is_excessive(fitted: FittedEffect, share: float) -> bool:
+    """Whether it warms faster than any gear."""
+    return fitted.member.shape["time_constant"] < FASTEST
 
 
 def write(spec: Any, robot: Robot, injection: Injection) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import by_run
+from .experiment import Experiment
 from .mjcf_form import drive
 from .signature import Family, Logged, Member, Quantity, grid_family
 
@@ -35,10 +36,15 @@ DESCRIPTION = EffectDescription(
     scope=Scope.ROBOT,
     parameters=(EffectParameter("delay", "s", 0.0, 0.05, (0.0002, 0.01)),),
     confused_with=("actuator_lag", "joint_elasticity"),
+    told_by=(Experiment.HIGH_FREQUENCIES,),
+    late=True,
+    relinearised=True,
     of_friction=True,
     or_of_one_joint=True,
     # Torque and position are sampled up to two milliseconds apart, and a torque may be as old as a sample.
     healthy=12.0,
+    # Of one joint alone it is judged as a lag of its drive.
+    healthy_alone=4.5,
     of_sample=1.0,
 )
 

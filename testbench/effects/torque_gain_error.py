@@ -10,6 +10,7 @@ from ..robot import Robot
 from .action import DRIVE, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, require_joint, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import on_one_joint
+from .experiment import Experiment
 from .mjcf_form import drive
 from .signature import Family, Logged, Member, Quantity
 
@@ -24,6 +25,8 @@ DESCRIPTION = EffectDescription(
     scope=Scope.JOINT,
     parameters=(EffectParameter("relative", "-", -0.5, 0.5, (0.02, 0.15)),),
     confused_with=("payload", "torque_saturation"),
+    told_by=(Experiment.KNOWN_LOAD,),
+    relinearised=True,
     of_friction=True,
     # Torque constants are known to two per cent or so, those of the joints beside it too: what is one joint's
     # gain to the model is their difference.

@@ -11,6 +11,7 @@ from ..robot import Robot
 from .action import DRIVE, Action, SimulatedRobot, Stage, bus_row, hook, hook_kernel, require_joint, vector
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import on_one_joint
+from .experiment import Experiment
 from .mjcf_form import drive
 from .signature import Family, Logged, Member, Quantity, grid_family
 
@@ -26,6 +27,8 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("limit", "N·m", 1e-3, np.inf, (0.4, 0.8), "torque_limit"),),
     laws=("clip", "soft"),
     confused_with=("external_contact", "torque_gain_error"),
+    told_by=(Experiment.ONCE_MORE,),
+    at_times=True,
     # A limit that clips is one, however far from the drive's rating.
     healthy=0.0,
 )

@@ -24,6 +24,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import on_one_joint
+from .experiment import Experiment
 from .passive_device import passive_device
 from .signature import Family, Logged, Member, Quantity, wave_parameters
 
@@ -51,6 +52,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=(HARMONIC, TWO_WAVES, LOAD_MODULATED),
     confused_with=("encoder_eccentricity", "gravity_spring"),
+    told_by=(Experiment.TWO_SLOW_SPEEDS,),
     of_friction=True,
     # No motion is free of a ripple of a hundredth: an amplitude of .8 of this share is beyond it.
     least=0.03,

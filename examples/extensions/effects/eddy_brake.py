@@ -21,6 +21,7 @@ from .action import (
 )
 from .base import EffectDescription, EffectParameter, Injection, Scope
 from .columns import on_one_joint
+from .experiment import Experiment
 from .signature import Family, Logged, Member, coefficients_as_named, grid_family
 
 DESCRIPTION = EffectDescription(
@@ -34,6 +35,7 @@ DESCRIPTION = EffectDescription(
         EffectParameter("critical", "rad/s", 0.05, 50.0, (0.5, 2.0)),
     ),
     confused_with=("nonlinear_viscous_friction", "stribeck_friction"),
+    told_by=(Experiment.CONSTANT_SPEEDS,),
 )
 CRITICAL = (0.3, 0.7, 1.5, 3.0)
 

@@ -11,8 +11,8 @@ from diagnosis.data.preparation import prepare
 from diagnosis.data.single_sine import one_sine
 from diagnosis.diagnose import diagnose
 from diagnosis.model.candidates import candidates
-from diagnosis.model.effect_sizes import TOOL_REACH, is_plausible
-from testbench.effects.payload import arm_length
+from diagnosis.model.effect_sizes import is_plausible
+from testbench.effects.payload import TOOL_REACH, arm_length
 from testbench.log import Recording
 from testbench.robot import Robot
 

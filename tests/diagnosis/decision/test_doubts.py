@@ -47,7 +47,8 @@ def test_a_size_at_its_bound_or_less_than_its_deviation_is_doubtful(named, expec
 
 def _taken_in(joint: int, into: int | None = None, swallowed: bool = False, event: bool = False) -> Accepted:
     family = SimpleNamespace(effect="e", joint=joint, into=into, swallowed=swallowed)
-    candidate: Any = SimpleNamespace(family=family, is_event=event, shows=True)
+    known = SimpleNamespace(at_times=event)
+    candidate: Any = SimpleNamespace(family=family, description=known, is_event=event, shows=True)
     return Accepted(candidate, 1.0, (), 10.0, 0.5, 0.1)
 
 

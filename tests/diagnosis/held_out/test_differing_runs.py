@@ -7,8 +7,7 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.fit.linearisation import PAYLOAD
-from diagnosis.held_out.differing_runs import FRICTION, OFFSETS, in_words, without_differences
+from diagnosis.held_out.differing_runs import FRICTION, OFFSETS, PAYLOAD, in_words, without_differences
 from diagnosis.job import diagnose_logs
 from identification.errors import InputError
 from testbench.effects import parse_injection
