@@ -139,6 +139,11 @@ class Chain:
             [by_link[:, full.leader == joint].any(axis=1) for joint in range(self.joints)], axis=1
         )
 
+    def loading(self, joint: int) -> slice:
+        """The standard parameters that may load a joint: from its own link's to the last link's it moves."""
+        moved = moving(self.tree.parent)[:, self.leaders == joint].any(axis=1)[self.in_tree]
+        return slice(PER_JOINT * joint, PER_JOINT * (int(np.flatnonzero(moved)[-1]) + 1))
+
     def path(self, joint: int) -> list[int]:
         """The joints that move a joint's link, base to link; the last is the joint itself."""
         return [int(each) for each in np.flatnonzero(self.moves[joint])]

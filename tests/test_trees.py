@@ -153,6 +153,19 @@ def test_base_parameters_of_a_tree_predict_its_torque(branched: tuple[Chain, np.
     np.testing.assert_allclose(predicted, torque, rtol=0, atol=1e-6 * np.abs(torque).max())
 
 
+def test_no_other_parameters_load_a_joint_than_those_said_to(branched: tuple[Chain, np.ndarray]) -> None:
+    chain, _ = branched
+    rng = np.random.default_rng(6)
+    rows = regressor(chain, *rng.uniform(-1, 1, (3, SAMPLES, chain.joints)))
+    for joint in range(chain.joints):
+        (loads,) = np.nonzero(rows[:, joint].any(axis=0))
+        own = chain.loading(joint)
+        assert own.start == PER_JOINT * joint <= loads.min()
+        assert loads.max() < own.stop
+    assert chain.loading(2).stop == PER_JOINT * 3
+    assert chain.loading(3).stop == PER_JOINT * 7
+
+
 def test_links_are_regrouped_into_the_link_that_carries_them() -> None:
     upright = '<joint name="{0}" axis="0 1 0"/><inertial pos=".1 0 .1" mass="1" diaginertia=".1 .1 .1"/>'
     arm = (

@@ -11,7 +11,6 @@ from identification.chain import Chain
 from identification.differentiation import differentiate
 from identification.errors import InputError
 from identification.models import POSITION_BAND, Preprocessing
-from identification.parameters import PER_JOINT
 from identification.regressor import regressor
 from identification.signals import Signals
 from identification.springs import spring_torque
@@ -85,7 +84,7 @@ class Run:
             part = slice(first, first + AT_ONCE)
             dense = np.zeros((*out[part].shape, len(parameters)))
             for joint, rows in enumerate(self.rows):
-                dense[:, joint, -rows.shape[1] :] = rows[part]
+                dense[:, joint, self.logged.chain.loading(joint)] = rows[part]
             out[part] = dense @ parameters
         return out
 
@@ -192,12 +191,12 @@ def _regressor_rows(
     robot: Robot, signals: Signals, filters: Sequence[DecimatingFilter], kept: int
 ) -> tuple[Array, ...]:
     """Rows of the standard regressor, as of ``Run``, made and filtered a part at a time. kept: M."""
-    count = PER_JOINT * robot.chain.links
-    found = tuple(np.empty((kept, count - PER_JOINT * joint)) for joint in range(robot.joints))
+    moved = [robot.chain.loading(joint) for joint in range(robot.joints)]
+    found = tuple(np.empty((kept, own.stop - own.start)) for own in moved)
     for decimated, part in parts(filters[0], len(signals.q)):
         rows = regressor(robot.chain, signals.q[part], signals.dq[part], signals.ddq[part])
         for joint, own in enumerate(found):
-            filters[joint].into(rows[:, joint, PER_JOINT * joint :], own[decimated])
+            filters[joint].into(rows[:, joint, moved[joint]], own[decimated])
     return found
 
 

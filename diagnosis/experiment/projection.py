@@ -1,6 +1,8 @@
-"""Least squares against columns of which some are taken out first, in an order that does not vary."""
+"""Least squares against columns of which some are taken out first."""
 
 from collections.abc import Iterable
+from functools import reduce
+from operator import add
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,37 +10,20 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 RIDGE = 1e-10
-BLOCK = 16
 
 
 def projected_gram(parts: Iterable[Array], base: int) -> Array:
     """Inner products of columns, what the first ``base`` of them span taken out, (c, c).
 
-    parts: the columns' rows (R, c), part by part; all parts but the last have a multiple of BLOCK.
+    parts: the columns' rows (R, c), part by part.
     """
-    products = _summed(_products(part) for part in parts)
+    products = reduce(add, (part.T @ part for part in parts))
     norms = np.sqrt(np.diag(products))
     # A column of zeros stays one, whatever it is divided by.
     norms = np.where(norms > 0, norms, 1.0)
     gram = products / np.outer(norms, norms)
     inner = gram[:base, :base] + RIDGE * np.eye(base)
     return np.asarray((gram - gram[:, :base] @ np.linalg.solve(inner, gram[:base])) * np.outer(norms, norms))
-
-
-def _products(rows: Array) -> Array:
-    """Products (B, c, c) of BLOCK rows each: too small for BLAS to share among threads and reorder."""
-    blocks = np.zeros((-(-len(rows) // BLOCK), BLOCK, rows.shape[1]))
-    blocks.reshape(-1, rows.shape[1])[: len(rows)] = rows
-    return blocks.transpose(0, 2, 1) @ blocks
-
-
-def _summed(parts: Iterable[Array]) -> Array:
-    """Sum along the first axis of all parts, in their order whatever the parts are."""
-    total: Array | None = None
-    for part in parts:
-        total = np.sum(part if total is None else np.concatenate([total[None], part]), axis=0)
-    assert total is not None
-    return total
 
 
 def _nearest(gram: Array, y: int, span: slice) -> Array:

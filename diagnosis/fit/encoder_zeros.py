@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from identification.parameters import PER_JOINT
 from identification.regressor import regressor
 
 from ..model.base_regressor import ground
@@ -84,9 +83,10 @@ class _Counted:
         matrix, right, parts = self.prior.copy(), np.zeros(len(self.prior)), []
         for j, (own, weight) in enumerate(zip(self.loading, self.weights, strict=True)):
             x = self.columns[j].copy()
-            x[:, : PER_JOINT * (self.chain.links - j)] += moved[:, j, PER_JOINT * j :]
+            # All but the timing error, which comes last.
+            x[:, :-1] += moved[:, j, own[:-1]]
             x, y = x[self.used[:, j]], gap[self.used[:, j], j]
-            matrix[own, own] += weight * (x.T @ x)
+            matrix[own[:, None], own] += weight * (x.T @ x)
             right[own] += weight * (x.T @ y)
             parts.append((x, y))
         values = np.asarray(np.linalg.solve(matrix, right), np.float64)

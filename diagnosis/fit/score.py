@@ -254,12 +254,13 @@ class Stage:
         for f, through in enumerate(through_apart):
             moved = np.zeros((len(self.hypothesis.precision), count))
             np.add.at(moved.T, bank.owner, -(through * apart[f]).T)
-            drop += (2 * (self.xh[f] @ moved) - np.sum(moved * (self.xx[f] @ moved), axis=1)).T
-            for j in bank.joints:
-                at = bank.reached[j]
+            for j, loading in enumerate(self.hypothesis.loading):
+                own, xx = moved[loading], self.xx[f, j][loading[:, None], loading]
+                drop[:, j] += 2 * (self.xh[f, j, loading] @ own) - np.sum(own * (xx @ own), axis=0)
+                if not len(at := bank.reached[j]):
+                    continue
                 owner = bank.owner[at]
-                own = moved[self.hypothesis.loading[j][:, None], owner]
-                meet = sums.with_held[f, j] - np.einsum("ku,uk->k", sums.with_x[f, j], own)
+                meet = sums.with_held[f, j] - np.einsum("ku,uk->k", sums.with_x[f, j], own[:, owner])
                 drop[:, j] += np.bincount(owner, 2 * apart[f, at] * meet, minlength=count)
         return drop
 

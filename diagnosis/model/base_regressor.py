@@ -10,7 +10,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.parameters import PER_JOINT
 from identification.prior import TIMING, parameter_widths
 
 from ..data.preparation import Prepared
@@ -28,10 +27,10 @@ MOST_KEPT = 1 << 27
 class Ground:
     """Base regressor and gap of prepared runs, with their used rows gathered by fold and joint.
 
-    loading: (n,) the unknowns that load each joint: links before it never do. gap: a run, (M, n) N·m, torque
-    less the model's. used: a fold, a joint, the run's samples that count. y: their rows of the gap, (m,).
-    xx, xy: the products, (F, n, p, p) and (F, n, p). precision: (p,) of the prior. torque_rms: (n,) N·m of
-    the joints' torque. is_small: whether gathered rows are kept.
+    loading: (n,) the unknowns (u,) that load each joint: of the links that it moves, and the timing error.
+    gap: a run, (M, n) N·m, torque less the model's. used: a fold, a joint, the run's samples that count. y:
+    their rows of the gap, (m,). xx, xy: the products, (F, n, p, p) and (F, n, p). precision: (p,) of the
+    prior. torque_rms: (n,) N·m of the joints' torque. is_small: whether gathered rows are kept.
     """
 
     def __init__(self, prepared: Prepared):
@@ -45,7 +44,10 @@ class Ground:
         )
         widths = parameter_widths(prepared.nominal, self.torque_rms, speed, acceleration)
         self.precision = np.append(widths, TIMING) ** -2.0
-        self.loading = tuple(slice(PER_JOINT * joint, None) for joint in range(self.joints))
+        chain, unknowns = prepared.robot.chain, np.arange(self.parameters)
+        self.loading = tuple(
+            np.append(unknowns[chain.loading(joint)], unknowns[-1]) for joint in range(self.joints)
+        )
         self._late = [
             np.hstack([run.filtered(run.logged.predicted_rate(j)[:, None], [j]) for j in range(self.joints)])
             for run in prepared.runs
@@ -63,7 +65,7 @@ class Ground:
         for fold in range(len(self.folds)):
             for joint, own in enumerate(self.loading):
                 x = self.x(fold, joint)
-                self.xx[fold, joint, own, own] = x.T @ x
+                self.xx[fold, joint, own[:, None], own] = x.T @ x
         self.xy = self.products(dict(enumerate(self.y)))
 
     @property

@@ -2,18 +2,18 @@
 
 import numpy as np
 
-from diagnosis.experiment.projection import BLOCK, projected_gram
+from diagnosis.experiment.projection import projected_gram
 
 
 def test_what_the_first_columns_span_is_taken_out_of_the_others():
-    rows = np.random.default_rng(3).standard_normal((5 * BLOCK, 4)) * [1.0, 1e4, 1e-6, 3.0]
-    gram = projected_gram([rows[: 2 * BLOCK], rows[2 * BLOCK :]], base=2)
+    rows = np.random.default_rng(3).standard_normal((80, 4)) * [1.0, 1e4, 1e-6, 3.0]
+    gram = projected_gram([rows[:32], rows[32:]], base=2)
     left = rows[:, 2:] - rows[:, :2] @ np.linalg.lstsq(rows[:, :2], rows[:, 2:])[0]
     np.testing.assert_allclose(gram[2:, 2:], left.T @ left, rtol=1e-6)
 
 
 def test_columns_of_joints_that_stand_still_take_nothing_out():
-    rows = np.random.default_rng(4).standard_normal((2 * BLOCK, 3))
+    rows = np.random.default_rng(4).standard_normal((32, 3))
     rows[:, 0] = 0.0
     gram = projected_gram([rows], base=2)
     assert not gram[0].any()

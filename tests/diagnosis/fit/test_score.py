@@ -33,7 +33,10 @@ def stage(tmp_path_factory):
 
 def base_rows(base, fold, joint):
     """A joint's rows of the base regressor, (m, p): zero for what does not load it."""
-    return np.pad(base.x(fold, joint), ((0, 0), (base.loading[joint].start, 0)))
+    x = base.x(fold, joint)
+    whole = np.zeros((len(x), base.parameters))
+    whole[:, base.loading[joint]] = x
+    return whole
 
 
 def solved(stage, candidate, folds):
