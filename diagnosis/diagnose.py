@@ -12,7 +12,7 @@ from testbench.robot import Robot
 
 from .correction.corrected_model import corrected_by
 from .correction.residual_near_rest import left_at_rest
-from .data.preparation import Prepared
+from .data.run import Prepared
 from .data.single_sine import one_sine
 from .decision.attribution import Attribution
 from .decision.doubts import ONE_SINE, TOO_SHORT, doubt, is_too_short, with_support, without_seconds
@@ -21,7 +21,7 @@ from .decision.harmful_effects import without_misleading, without_undetermined
 from .decision.held_out_check import closed_without_a_name
 from .decision.ranking import named_effect, named_effects, ranked
 from .decision.verdict import joint_torque, verdict_of
-from .fit.normal_equations import Fit, rms, standard_values
+from .fit.normal_equations import Fit, rms
 from .fit.torque_alignment import aligned
 from .held_out.differing_runs import without_differences
 from .held_out.prior_strength import with_predictive_prior
@@ -81,8 +81,6 @@ def diagnose(
         prepared=prepared,
         parameters_only=only,
         final=final,
-        parameters=standard_values(prepared, final[1].values),
-        timing=float(final[1].values[final[0].timing]),
         kept=kept,
         not_observable=found.hidden,
         notes=tuple(unclaimed_in_words(robot, item) for item in found.unknown),

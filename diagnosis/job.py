@@ -20,7 +20,7 @@ from testbench.runs import by_path, read_runs, run_names
 
 from .correction.closed_loop_gap import ForwardGap, forward_gap, gap_as_given
 from .correction.corrected_mjcf import Written, write_corrected
-from .correction.prediction import DOCUMENT
+from .correction.correction_document import DOCUMENT
 from .decision.findings import Diagnosis
 from .diagnose import diagnose
 from .experiment.discriminating_motion import NextExperiment, next_experiment

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from testbench.files import replacing
+from testbench.files import write_text
 
 from .mapping import ChannelSection, Mapping
 from .table import Table
@@ -36,8 +36,7 @@ def write_mapping(
 ) -> None:
     """Write a guessed mapping with its reasons, whole or not at all. Raises InputError."""
     text = as_yaml(mapping, reasons, left_out, table)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(text, path)
 
 
 def as_yaml(mapping: Mapping, reasons: Map[str, str], left_out: Sequence[str], table: Table) -> str:

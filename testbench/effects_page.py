@@ -12,7 +12,7 @@ from .effect_survey import CUTOFF, EXCITATION, PERIODS, Sighting, survey
 from .effects import effect, effects, parse_injection
 from .effects.base import EffectDescription, EffectParameter
 from .effects.mjcf_form import write_effects
-from .files import replacing, require_writable
+from .files import require_writable, write_text
 from .robot import Robot, load_robot
 
 # Fewer than this share of another effect's residual explained is no likeness.
@@ -50,10 +50,10 @@ def write_effects_page(model: Path, out: Path, joint: int, jobs: int | None = No
     sightings = survey(robot, joint - 1, jobs)
     folder = out.with_suffix("")
     for name, sighting in sightings.items():
-        _put(folder / f"{name}.svg", _picture(robot, sighting))
+        write_text(_picture(robot, sighting), folder / f"{name}.svg")
     left = {name: seen.explained for name, seen in sightings.items() if seen.survives > NOTHING_LEFT}
-    _put(folder / "confusion.svg", confusion_svg(left, tuple(sightings)))
-    _put(out, _page(robot, joint - 1, sightings, folder.name))
+    write_text(confusion_svg(left, tuple(sightings)), folder / "confusion.svg")
+    write_text(_page(robot, joint - 1, sightings, folder.name), out)
 
 
 def write_effects_model(model: Path, texts: list[str], out: Path) -> tuple[str, ...]:
@@ -64,11 +64,6 @@ def write_effects_model(model: Path, texts: list[str], out: Path) -> tuple[str, 
     require_writable(out, model)
     robot = load_robot(model)
     return write_effects(robot, [parse_injection(robot, text) for text in texts], out)
-
-
-def _put(path: Path, text: str) -> None:
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def _picture(robot: Robot, sighting: Sighting) -> str:

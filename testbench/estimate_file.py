@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.statistics import ResidualTests
 
-from .files import replacing
+from .files import write_text
 from .findings import TorqueError, noise_ratio, parameter_rows, torque_error, torque_unit
 from .results import IdentificationResult
 
@@ -18,8 +18,7 @@ from .results import IdentificationResult
 def write_estimate(result: IdentificationResult, path: str | Path) -> None:
     """Write estimate.json, whole or not at all. What is unknown, or not finite, is null."""
     text = json.dumps(estimate_document(result), ensure_ascii=False, indent=2, allow_nan=False)
-    with replacing(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+    write_text(text + "\n", path)
 
 
 def estimate_document(result: IdentificationResult) -> dict[str, Any]:
@@ -63,7 +62,7 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
         "torque_rms": {
             "fit": _per_joint(fit, "rms"),
             "validation": _per_joint(validation, "rms"),
-            "unit": torque_unit(result),
+            "unit": torque_unit(result.robot),
         },
         "relative_residual": {
             "fit": _per_joint(fit, "relative"),
@@ -73,7 +72,7 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
         "torque_rms_unfiltered": {
             "fit": _per_joint(fit, "unfiltered"),
             "validation": _per_joint(validation, "unfiltered"),
-            "unit": torque_unit(result),
+            "unit": torque_unit(result.robot),
         },
         "given_relative_residual": {
             "fit": None if given_fit is None else _number(given_fit.overall),
@@ -83,7 +82,7 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
         "cutoff": None if result.bands is None else {"value": _numbers(result.bands.cutoff), "unit": "Hz"},
         "encoder_torque": None
         if result.bands is None
-        else {"value": _numbers(result.bands.encoder_torque), "unit": torque_unit(result)},
+        else {"value": _numbers(result.bands.encoder_torque), "unit": torque_unit(result.robot)},
         "determined": None
         if result.determination is None
         else {

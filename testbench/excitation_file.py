@@ -1,6 +1,5 @@
 """excitation.json: a designed motion, what it was designed for, and what it leaves to each limit."""
 
-import json
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +11,7 @@ from identification.excitation.trajectories import trajectory_from_dict
 from identification.excitation.trajectory import Trajectory
 
 from .containment.json_text import read_bounded_json
-from .files import replacing, require_file
+from .files import require_file, write_json
 
 FORMAT, VERSION = "excitation", 1
 
@@ -52,9 +51,7 @@ def excitation_document(excitation: Excitation) -> dict[str, Any]:
 
 def write_excitation(excitation: Excitation, path: str | Path) -> None:
     """Write excitation.json; the file is complete or not there."""
-    text = json.dumps(excitation_document(excitation), indent=1, ensure_ascii=False, allow_nan=False)
-    with replacing(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+    write_json(excitation_document(excitation), path)
 
 
 def read_trajectory(path: str | Path) -> tuple[tuple[str, ...], Trajectory]:

@@ -106,8 +106,12 @@ def read_json(path: Path) -> Any:
     return read_bounded_json(path)
 
 
-def write_json(document: Any, path: Path) -> None:
+def write_json(document: Any, path: str | Path) -> None:
     """Write a JSON file, whole or not at all."""
-    text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
+    write_text(json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n", path)
+
+
+def write_text(text: str, path: str | Path) -> None:
+    """Write a text file, whole or not at all."""
     with replacing(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")

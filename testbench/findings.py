@@ -10,6 +10,7 @@ from identification.estimate import TorqueFit
 from identification.parameters import standard_parameters
 
 from .results import IdentificationResult
+from .robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -200,9 +201,9 @@ def left_open(result: IdentificationResult) -> tuple[str, ...]:
     return tuple(f"{each}." for each in found)
 
 
-def torque_unit(result: IdentificationResult) -> str:
+def torque_unit(robot: Robot) -> str:
     """N·m, N, or both where the robot has hinge and slide joints."""
-    units = sorted(set(result.robot.units()), reverse=True)
+    units = sorted(set(robot.units()), reverse=True)
     return units[0] if len(units) == 1 else "N·m (N for a slide joint)"
 
 

@@ -29,6 +29,7 @@ from .findings import headline, significant, torque_error
 from .log import Recording
 from .parameter_chart import log_parameters
 from .results import IdentificationResult
+from .robot import Robot
 from .scene import body_poses, log_floor, log_motion, log_robot, reach
 from .session_file import session_file
 
@@ -74,7 +75,8 @@ def write_session(result: IdentificationResult, path: str | Path) -> None:
         stream.log("summary", rr.TextDocument(_summary(result), media_type="text/markdown"), static=True)
         log_parameters(stream, "parameters", result)
         for run in runs:
-            _log_scene(stream, run, result)
+            each = run.recording
+            log_scene(stream, run.root, result.robot, each.time, each.position, each.reference_position)
             _log_joints(stream, run, result)
 
 
@@ -90,24 +92,29 @@ def _runs(result: IdentificationResult) -> tuple[_Run, ...]:
     return tuple(runs)
 
 
-def _log_scene(stream: rr.RecordingStream, run: _Run, result: IdentificationResult) -> None:
-    """The floor, the arm as measured, its reference as a ghost, and the way of the tool."""
-    model = result.robot.model
-    stream.log(run.root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    log_floor(stream, f"{run.root}/floor", model)
-    every = stride(run.recording.sample_rate, POSE_RATE)
-    time = time_column(run.recording.time[::every] - run.recording.time[0])
+def log_scene(
+    stream: rr.RecordingStream, root: str, robot: Robot, time: Array, measured: Array, reference: Array | None
+) -> None:
+    """The floor, the arm as measured, its reference as a ghost, and the way of the tool.
+
+    time: (N,) s, evenly spaced. measured, reference: positions (N, n).
+    """
+    model = robot.model
+    stream.log(root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    log_floor(stream, f"{root}/floor", model)
+    every = stride((len(time) - 1) / (time[-1] - time[0]), POSE_RATE)
+    column = time_column(time[::every] - time[0])
     for name, q, colour, width in (
-        ("measured", run.recording.position, MEASURED, 0.004),
-        ("reference", run.recording.reference_position, REFERENCE, 0.002),
+        ("measured", measured, MEASURED, 0.004),
+        ("reference", reference, REFERENCE, 0.002),
     ):
         if q is None:
             continue
-        log_robot(stream, f"{run.root}/arm/{name}", model, ghost=name == "reference")
-        position, orientation, tool = body_poses(model, result.robot.chain.link_positions(q[::every]))
-        log_motion(stream, f"{run.root}/arm/{name}", model, time, position, orientation)
+        log_robot(stream, f"{root}/arm/{name}", model, ghost=name == "reference")
+        position, orientation, tool = body_poses(model, robot.chain.link_positions(q[::every]))
+        log_motion(stream, f"{root}/arm/{name}", model, column, position, orientation)
         way = rr.LineStrips3D([tool], colors=[colour], radii=[width * reach(model)])
-        stream.log(f"{run.root}/path/{name}", way, static=True)
+        stream.log(f"{root}/path/{name}", way, static=True)
 
 
 def _log_joints(stream: rr.RecordingStream, run: _Run, result: IdentificationResult) -> None:
@@ -206,8 +213,13 @@ def _layout(result: IdentificationResult, runs: tuple[_Run, ...]) -> rrb.Bluepri
         ),
         rrb.TextDocumentView(origin="parameters/table", name="Table of parameters"),
     )
+    return opening_layout(*(_run_tab(result, run) for run in runs), *parameters)
+
+
+def opening_layout(*tabs: rrb.View | rrb.Horizontal) -> rrb.Blueprint:
+    """The tabs, the first one open, and nothing of Rerun's own in their way."""
     return rrb.Blueprint(
-        rrb.Tabs(*(_run_tab(result, run) for run in runs), *parameters, active_tab=0),
+        rrb.Tabs(*tabs, active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
@@ -240,7 +252,7 @@ def _run_tab(result: IdentificationResult, run: _Run) -> rrb.Horizontal:
     ]
     return rrb.Horizontal(
         rrb.Vertical(
-            _scene_view(result, run),
+            scene_view(result.robot, run.root, run.recording.reference_position is not None),
             rrb.TextDocumentView(origin="summary", name="Summary"),
             row_shares=[3, 2],
         ),
@@ -250,14 +262,13 @@ def _run_tab(result: IdentificationResult, run: _Run) -> rrb.Horizontal:
     )
 
 
-def _scene_view(result: IdentificationResult, run: _Run) -> rrb.Spatial3DView:
-    size = reach(result.robot.model)
+def scene_view(robot: Robot, root: str, has_reference: bool) -> rrb.Spatial3DView:
+    """The view of what ``log_scene`` shows."""
+    size = reach(robot.model)
     return rrb.Spatial3DView(
-        origin=run.root,
-        contents=[f"+ {run.root}/arm/**", f"+ {run.root}/path/**", f"+ {run.root}/floor"],
-        name="Measured"
-        if run.recording.reference_position is None
-        else "Measured, and its reference as a ghost",
+        origin=root,
+        contents=[f"+ {root}/arm/**", f"+ {root}/path/**", f"+ {root}/floor"],
+        name="Measured, and its reference as a ghost" if has_reference else "Measured",
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
             position=(1.15 * size, -1.1 * size, 0.9 * size),

@@ -30,7 +30,12 @@ def summary(result: IdentificationResult) -> Group:
 def finding_line(finding: Finding) -> Text:
     """A finding of the checks of the logs, its severity in colour."""
     run = f"{finding.run}: " if finding.run else ""
-    return Text.assemble((f"{finding.severity:8}", COLOURS[finding.severity]), f"{run}{finding.sentence}")
+    return labelled_line(finding.severity, f"{run}{finding.sentence}", COLOURS[finding.severity])
+
+
+def labelled_line(label: str, text: str, style: str = "dim") -> Text:
+    """A line with its label before it, in a column of its own."""
+    return Text.assemble((f"{label:8}", style), text)
 
 
 def _parameters(result: IdentificationResult) -> Table:

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.correction.closed_loop_gap import ForwardGap, forward_gap, gap_as_given
-from diagnosis.data.preparation import Prepared, prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.data.run import Prepared
 from diagnosis.decision.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
 from diagnosis.fit.linearisation import first_linearised
 from diagnosis.fit.normal_equations import fit
@@ -14,9 +15,9 @@ from diagnosis.held_out.shrinkage import everything
 from diagnosis.model.candidates import Candidate, candidate
 from diagnosis.model.hypothesis import design
 from diagnosis.residual.localisation import where
+from diagnosis.residual.noise import noise
 from diagnosis.residual.spectrum import above_band
 from identification.excitation.design import DesignOptions, random_excitation
-from identification.parameters import PER_JOINT
 from studies.blind.outside import OUTSIDE
 from testbench.effects import effect
 from testbench.effects.base import Injection
@@ -106,13 +107,13 @@ def diagnosed(
     def rms(residuals: Sequence[np.ndarray]) -> np.ndarray:
         return np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
 
-    gap = Gap(
-        nominal=rms([np.where(u, g, 0.0) for u, g in zip(only.used, only.gap, strict=True)]),
-        parameters=rms(only_fit.held_out),
-        effects=rms(final_fit.held_out),
-        noise_floor=0.9 * rms(final_fit.held_out),
-        above=above_band(prepared),
+    gap = exact_gap(
+        rms([np.where(u, g, 0.0) for u, g in zip(only.used, only.gap, strict=True)]),
+        rms(only_fit.held_out),
+        rms(final_fit.held_out),
+        0.9 * rms(final_fit.held_out),
     )
+    gap = replace(gap, unseen=~noise(prepared).seen, above=above_band(prepared))
     ranked = [RankedCandidate(e.effect, e.joint, e.into, e.probability, 240.0) for e in effects]
     ranked += [
         RankedCandidate(name, effects[0].joint if effects else 0, None, 0.02, 12.0 - index, "explains less")
@@ -129,11 +130,17 @@ def diagnosed(
         prepared=prepared,
         parameters_only=(only, only_fit),
         final=(final, final_fit),
-        parameters=robot.parameters + final_fit.values[: PER_JOINT * robot.joints],
-        timing=float(final_fit.values[PER_JOINT * robot.joints]),
         kept=everything(robot.joints),
         not_observable=hidden,
         notes=("a note",),
+    )
+
+
+def exact_gap(nominal: np.ndarray, parameters: np.ndarray, effects: np.ndarray, floor: np.ndarray) -> Gap:
+    """A gap of errors (n,) that are known exactly, with nothing above the band."""
+    intervals = np.stack([[each, each] for each in (nominal, parameters, effects)])
+    return Gap(
+        nominal, parameters, effects, floor, intervals, np.zeros(len(floor), bool), np.zeros(len(floor))
     )
 
 

@@ -20,12 +20,11 @@ from testbench.simulation import ControllerOptions, Reference, SimulationOptions
 from testbench.simulation.controller import KINDS
 
 from ..data.run import filter_cutoff
-from ..decision.findings import Diagnosis
+from ..decision.findings import STAGES, Diagnosis
 from .corrected_mjcf import corrected_simulator, reidentified_simulator, robot_with
 
 Array = NDArray[np.float64]
 
-STAGES = ("nominal", "parameters", "effects")
 # So much of the logs is run, s, the first runs first: forward simulation shows, it does not decide.
 MOST_SECONDS = 60.0
 PHYSICS_TIMESTEP = 2e-4

@@ -100,8 +100,7 @@ def _lacking(diagnosis: Diagnosis) -> tuple[str, ...]:
             f"friction changes sign {1e3 * model.coulomb_lead:.1f} ms ahead of the joints: "
             f'frictionloss does with solreffriction="{constant:.2g} 1", which the file leaves as given'
         )
-    named = [each.candidate for each in diagnosis.effects]
-    unnamed = {each.place for each in diagnosis.final[0].accepted if not _is_one_of(each, named)}
+    unnamed = {each.place for each in diagnosis.final[0].accepted if not _is_reported(each, diagnosis)}
     if unnamed and diagnosis.kept.effects.any():
         said.append(f"what was fitted and has no name ({len(unnamed)}), which predictions include")
     return tuple(said)
@@ -153,9 +152,8 @@ def _by_reported(diagnosis: Diagnosis) -> tuple[Design, Fit]:
     those of the whole fit make up for laws that the file lacks.
     """
     hypothesis, fitted = diagnosis.final
-    reported = [each.candidate for each in diagnosis.effects]
     fits = list(zip(hypothesis.accepted, hypothesis.parts, strict=True))
-    kept = [(each, part) for each, part in fits if _is_one_of(each, reported)]
+    kept = [(each, part) for each, part in fits if _is_reported(each, diagnosis)]
     if len(kept) == len(fits):
         return diagnosis.final
     runs = [
@@ -213,23 +211,16 @@ def _with_offsets(
 
 def _shrunk(diagnosis: Diagnosis, named: NamedEffect) -> NamedEffect:
     """The effect with as much of its torque as is kept of all joints at once."""
-    share, (hypothesis, fitted) = diagnosis.kept.effects_whole, diagnosis.final
+    share, member, family = diagnosis.kept.effects_whole, named.candidate.member, named.candidate.family
     if share == 1:
         return named
-    own = next(
-        part
-        for each, part in zip(hypothesis.accepted, hypothesis.parts, strict=True)
-        if _is_one_of(each, [named.candidate])
-    )
-    size = len(fitted.values[own]) + len(named.candidate.family.refine)
-    parameters = named.candidate.family.parameters(
-        named.candidate.member, share * fitted.values[own], np.zeros((size, size))
-    )
-    return replace(named, parameters=parameters)
+    size = member.count + len(family.refine)
+    coefficients = share * diagnosis.coefficients(named)
+    return replace(named, parameters=family.parameters(member, coefficients, np.zeros((size, size))))
 
 
-def _is_one_of(candidate: Candidate, others: Sequence[Candidate]) -> bool:
-    return any(each.place == candidate.place and each.member is candidate.member for each in others)
+def _is_reported(candidate: Candidate, diagnosis: Diagnosis) -> bool:
+    return any(each.candidate.member is candidate.member for each in diagnosis.effects)
 
 
 def injection_of(named: NamedEffect) -> Injection:

@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.springs import spring_torque
 from testbench.robot import Robot
 from testbench.torque_lag import TorqueLag
 
@@ -43,14 +42,12 @@ def file_error(diagnosis: Diagnosis, path: Path) -> FileError:
     torque = MujocoTorque(mjcf, diagnosis.robot)
     squares = np.zeros((3, prepared.joints))
     for run in prepared.runs:
-        springs = spring_torque(prepared.robot.chain.springs, run.logged.q)
         of_file = TorqueLag(model.final_timing).put_on(
             torque.along(run.logged.q, run.logged.dq, run.logged.ddq, run.logged.sample_rate),
             run.logged.sample_rate,
         )
         for stage, each in enumerate((*_of_laws(model, run), of_file)):
-            left = run.torque - run.filtered(each - springs, range(prepared.joints))
-            squares[stage] += np.sum(np.where(run.used, left, 0.0) ** 2, axis=0)
+            squares[stage] += np.sum(np.where(run.used, run.left_by(each), 0.0) ** 2, axis=0)
     counts = np.sum([run.used.sum(axis=0) for run in prepared.runs], axis=0)
     return FileError(*np.sqrt(squares / np.maximum(counts, 1)))
 

@@ -24,12 +24,12 @@ from testbench.simulation import Reference
 from testbench.simulation.controller import feedforward
 from testbench.torque_lag import TorqueLag
 
-from ..data.run import filter_cutoff, logged_along, samples_near_rest
-from .corrected_model import Corrected, Term, read_correction
+from ..data.preparation import logged_along, samples_near_rest
+from ..data.run import filter_cutoff
+from .correction_document import DOCUMENT, FORMAT, Corrected, Term, read_correction
 
 Array = NDArray[np.float64]
 
-DOCUMENT = "diagnosis.json"
 # rad/s (m/s), w of fc tanh(v / w) where friction jumps with the speed's sign: of a joint at rest that sign is
 # the encoder's noise, and none of its friction is predicted.
 AT_REST = 0.005
@@ -129,8 +129,8 @@ def read_diagnosed(directory: Path) -> Corrected:
     if not path.is_file():
         raise InputError(directory, DOCUMENT, "a folder that diagnose has written", "no such file")
     document = read_bounded_json(path, "diagnosis")
-    if not isinstance(document, dict) or document.get("format") != "gap-diagnosis":
-        raise InputError(path, "format", "gap-diagnosis", "something else")
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise InputError(path, "format", FORMAT, "something else")
     return read_correction(document.get("correction"), path)
 
 

@@ -1,6 +1,5 @@
 """A log before it is filtered: on a grid, not too fast, with what was lost mended and torque in time."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,13 +45,8 @@ def mended_log(name: str, recording: Recording, fast: float, lag: TorqueLag) -> 
     return MendedLog(name, even, motion(even), recording.time[~lost], int(lost.sum()), *steps)
 
 
-def fastest(joints: int, recordings: Sequence[Recording]) -> float:
-    """The sample rate that these logs of so many joints are looked at, Hz."""
-    return rate_for(joints, sum(len(each.time) / each.sample_rate for each in recordings))
-
-
 def rate_for(joints: int, seconds: float) -> float:
-    """The same for logs of so many seconds in all."""
+    """The sample rate that logs of so many joints, and so many seconds in all, are looked at, Hz."""
     return float(np.clip(MOST_LOGGED / (seconds * joints), SLOWEST, FAST))
 
 

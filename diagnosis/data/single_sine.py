@@ -4,7 +4,7 @@ import numpy as np
 
 from identification.single_sine import sine_frequency
 
-from .preparation import Prepared
+from .run import Prepared
 
 
 def one_sine(prepared: Prepared) -> frozenset[int]:

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from ..fit.likelihood import Weighed
 from ..fit.normal_equations import Fit
 from ..model.hypothesis import Design
 from ..plausibility.accepted import Accepted
-from ..residual.unexplained import Unclaimed
+from ..residual.shares import Unclaimed
 
 
 @dataclass(frozen=True)

@@ -11,18 +11,19 @@ from testbench.effects.columns import WindowedColumns
 from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
-from ..data.preparation import Prepared
-from ..fit.normal_equations import Fit
-from ..held_out.differing_runs import Difference
+from ..data.run import Prepared
+from ..fit.normal_equations import Fit, standard_values
+from ..held_out.difference import Difference
 from ..held_out.recurring_push import Recurrence
 from ..held_out.shrinkage import Kept
-from ..model.candidates import Candidate
+from ..model.candidates import Candidate, Place
 from ..model.hypothesis import Design
-from ..residual.noise import noise
 from ..residual.shares import Share
 
 Array = NDArray[np.float64]
 
+# RMS errors of a gap, by the model that leaves them.
+STAGES = ("nominal", "parameters", "effects")
 VERDICTS = ("none", "parameters", "effect", "unknown")
 # Re-identified parameters that leave less than this multiple of the noise floor leave little but noise; so do
 # those that leave a bit more, since the floor is known to a third, of which no effect closes this share.
@@ -49,6 +50,11 @@ class NamedEffect:
     held_out_share: float = 0.0
 
     @property
+    def place(self) -> Place:
+        """Effect, joint and second joint."""
+        return self.effect, self.joint, self.into
+
+    @property
     def runs(self) -> tuple[int, ...]:
         """The run of each interval of an event, as its parameters list them; none of what lasts."""
         columns = self.candidate.member.columns
@@ -73,32 +79,33 @@ class RankedCandidate:
     score: float
     reason: str = ""
 
+    @property
+    def place(self) -> Place:
+        """Effect, joint and second joint."""
+        return self.effect, self.joint, self.into
+
 
 @dataclass(frozen=True)
 class Gap:
     """RMS torque error a joint, (n,) N·m, on runs left out: as given, re-identified, with the effects.
 
     Of what was fitted, as far as it is kept: each is at most the one before it.
-    noise_floor: what noise alone would leave. intervals: (3, 2, n) 90 % of the first three, or None. unseen:
-    (n,) joints whose noise is not seen, so that the floor is a bound; None for none. above: (n,) N·m (N), RMS
-    of the logged torque above each joint's band, which no prediction has.
+    noise_floor: what noise alone would leave. intervals: (3, 2, n) 90 % of the first three. unseen: (n,)
+    joints whose torque was low-passed in the log, so that the floor is a bound. above: (n,) N·m (N), RMS of
+    the logged torque above each joint's band, which no prediction has.
     """
 
     nominal: Array
     parameters: Array
     effects: Array
     noise_floor: Array
-    intervals: Array | None = None
-    unseen: NDArray[np.bool_] | None = None
-    above: Array | None = None
+    intervals: Array
+    unseen: NDArray[np.bool_]
+    above: Array
 
     def over_all(self, in_band: Array) -> Array:
         """An error (n,) over all frequencies: what the band leaves and what is above it do not correlate."""
-        return in_band if self.above is None else np.hypot(in_band, self.above)
-
-    def is_bound(self, joint: int) -> bool:
-        """Whether noise leaves at most the floor of this joint."""
-        return self.unseen is not None and bool(self.unseen[joint])
+        return np.hypot(in_band, self.above)
 
     @property
     def closed(self) -> float | None:
@@ -134,8 +141,6 @@ class Diagnosis:
     verdict: one of VERDICTS. sentence: it in words. effects: strongest first. ranked: what was
     weighed. where: shares of the gap, largest first. gap: before and after. prepared: the runs.
     parameters_only, final: (hypothesis, fit) after re-identification and with the effects.
-    parameters: (14 n,) re-identified standard parameters of the final hypothesis; timing: s, the
-    common torque delay that goes with them, beside how late ``prepared`` says that the logs have it.
     kept: how much of either the predictions and the model files have.
     not_observable: effects nothing of which would show.
     recurrence: the push as one that every run has. everywhere: effects fitted but not reported, as other
@@ -153,8 +158,6 @@ class Diagnosis:
     prepared: Prepared
     parameters_only: tuple[Design, Fit]
     final: tuple[Design, Fit]
-    parameters: Array
-    timing: float
     kept: Kept
     not_observable: tuple[tuple[str, int | None], ...] = ()
     notes: tuple[str, ...] = field(default_factory=tuple)
@@ -163,6 +166,39 @@ class Diagnosis:
     one_sine: frozenset[int] = frozenset()
     differences: tuple[Difference, ...] = ()
     log_findings: tuple[Finding, ...] = ()
+
+    @property
+    def parameters(self) -> Array:
+        """(14 n,) re-identified standard parameters of the final hypothesis."""
+        return standard_values(self.prepared, self.final[1].values)
+
+    @property
+    def likeliest(self) -> tuple[RankedCandidate, ...]:
+        """The ranked candidates, likeliest first; of equals the one of the higher score."""
+        return tuple(sorted(self.ranked, key=lambda each: (-each.probability, -each.score)))
+
+    @property
+    def not_reported(self) -> tuple[RankedCandidate, ...]:
+        """The same without those that are reported."""
+        reported = {each.place for each in self.effects}
+        return tuple(each for each in self.likeliest if each.place not in reported)
+
+    @property
+    def runs_by_gap(self) -> list[int]:
+        """Indices of the runs, first that of which re-identification leaves most, by the joints' weights."""
+        weights, residual = self.final[1].weights, self.parameters_only[1].residual
+        return np.argsort([-np.mean(own**2 @ weights) for own in residual], kind="stable").tolist()
+
+    def coefficients(self, named: NamedEffect) -> Array:
+        """Coefficients (k,) of a reported effect's columns, as fitted."""
+        hypothesis, fitted = self.final
+        fits = zip(hypothesis.accepted, hypothesis.parts, strict=True)
+        return next(fitted.values[part] for each, part in fits if each.member is named.candidate.member)
+
+    def torque_of(self, named: NamedEffect) -> list[Array]:
+        """Fitted torque of a reported effect, (M, n) N·m (N) a run."""
+        coefficients = self.coefficients(named)
+        return [columns @ coefficients for columns in named.candidate.columns]
 
     @property
     def run_names(self) -> tuple[str, ...]:
@@ -185,8 +221,3 @@ class Diagnosis:
         named = {joint for each in self.effects for joint in (each.joint, each.into)}
         others = named | self.prepared.silent | self.prepared.still
         return tuple(j for j in np.flatnonzero(~self.final[0].has_enough_samples).tolist() if j not in others)
-
-    @property
-    def noise_unseen(self) -> tuple[int, ...]:
-        """The joints whose torque was low-passed in the log: noise leaves at most the floor there."""
-        return tuple(np.flatnonzero(~noise(self.prepared).seen).tolist())

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plausibility.accepted import Accepted
-from ..residual.unexplained import UNTOLD, Unclaimed
+from ..residual.shares import UNTOLD, Unclaimed
 from .findings import Gap
 
 Array = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """Rules for reporting an accepted effect: it is larger than on healthy robots, and probably a fault."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from testbench.effects.push import begin_with_runs
 from testbench.robot import Robot
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from ..fit.likelihood import Weighed, gained_by_shift
 from ..fit.normal_equations import Fit, squares
 from ..fit.score import Stage
@@ -19,7 +19,6 @@ from ..model.effect_sizes import is_beyond_healthy, is_excessive, times_healthy
 from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from ..plausibility.accepted import Accepted
 from ..plausibility.materiality import SMALLEST_WALD
-from .found import Found
 from .probability import STATED, Size, fault_probability
 
 Array = NDArray[np.float64]
@@ -30,6 +29,15 @@ AS_WELL = 0.25
 NEARLY_ALL = 0.8
 # Squared deviations from zero that are left at last, as effects accepted later may explain the same.
 AT_LAST = 9.0
+
+
+@dataclass(frozen=True)
+class Found:
+    """The effect that a search round accepts, its rivals, and the hypothesis with it and its fit."""
+
+    best: Weighed
+    rivals: tuple[tuple[Weighed, float], ...]
+    trial: tuple[Design, Fit]
 
 
 def accepted_as(found: Found, stage: Stage, sized: Robot) -> Accepted:

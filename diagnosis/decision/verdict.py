@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from ..fit.normal_equations import rms
-from ..residual.unexplained import NOTHING
+from ..residual.shares import NOTHING
 from .attribution import Attribution
 from .findings import Gap
 

@@ -22,6 +22,7 @@ from identification.excitation.trajectory import Trajectory
 from identification.inverse_dynamics import inverse_dynamics
 from identification.parameters import GROUPS
 from testbench.clearance import robot_clearance
+from testbench.jobs.excite import CLEARANCE
 
 from ..decision.findings import Diagnosis
 from .reached_limits import within_reach
@@ -32,13 +33,12 @@ from .separation import SAMPLE_RATE, Separation
 Array = NDArray[np.float64]
 
 FILE = "next_experiment.json"
-# Kinds of motion to choose from: how often it repeats, Hz, and how many harmonics it has. Slow sweeps show
-# what depends on position, content of some Hz what depends on acceleration and its derivatives.
-KINDS = ((0.1, 5), (0.1, 15), (0.1, 60))
+# How often a motion repeats, Hz, and how many harmonics it may have. Slow sweeps show what depends on
+# position, content of some Hz what depends on acceleration and its derivatives.
+FREQUENCY, HARMONICS = 0.1, (5, 15, 60)
 DRAWS, IMPROVEMENTS = 4, 20
 FIRST_STEP, SHRINK = 0.3, 0.85
 LIMIT_SHARE = 0.9
-CLEARANCE = 0.03
 COARSE_RATE = 50.0
 # What a motion shows no more than so many times better than the runs at hand, it is not worth running for.
 BETTER = 2.0
@@ -78,6 +78,7 @@ def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | Non
         return None
     judge = Separation(diagnosis, open_)
     everything = np.ones(len(open_.rivals), dtype=bool)
+    everyone = _names(open_, everything)
     now = [judge.of_run(run.logged) for run in diagnosis.prepared.runs]
     limits, by_runs = within_reach(diagnosis.robot.limits, [run.logged for run in diagnosis.prepared.runs])
     needed = np.full(len(open_.rivals), ENOUGH**2)
@@ -86,9 +87,9 @@ def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | Non
     try:
         motion, options = _best_motion(diagnosis, limits, judge, needed, seed)
     except InputError as error:
-        names, least = _names(open_, everything), max(_least(each, everything) for each in now)
+        least = max(_least(each, everything) for each in now)
         reason = f"no motion could be designed: {error.field} is {error.got}"
-        return NextExperiment(why(names, names, None, reason), names, None, 0.0, least, None)
+        return NextExperiment(why(everyone, everyone, None, reason), everyone, None, 0.0, least, None)
     found = np.nan_to_num(judge.of_motion(motion))
     shown = np.asarray(found >= needed)
     helps = bool(np.any(shown))
@@ -96,14 +97,13 @@ def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | Non
     chosen = shown if helps else everything
     separation, least = _least(found, chosen), max(_least(each, chosen) for each in now)
     if not helps:
-        names = _names(open_, everything)
-        told = separation if open_.confused else None
-        return NextExperiment(why(names, names, told, NO_BETTER), names, None, separation, least, None)
-    names = _names(open_, everything if open_.confused else chosen)
-    words = why(_names(open_, everything), _names(open_, chosen), separation, "")
-    words += f" {BY_RUNS}" if by_runs else ""
+        words = why(everyone, everyone, separation if open_.confused else None, NO_BETTER)
+        return NextExperiment(words, everyone, None, separation, least, None)
+    names = _names(open_, chosen)
+    words = why(everyone, names, separation, "") + (f" {BY_RUNS}" if by_runs else "")
     excitation = _excitation(diagnosis, limits, motion, options, separation)
-    return NextExperiment(words, names, FILE, separation, least, excitation)
+    separates = everyone if open_.confused else names
+    return NextExperiment(words, separates, FILE, separation, least, excitation)
 
 
 def _names(open_: Open, chosen: NDArray[np.bool_]) -> tuple[str, ...]:
@@ -139,17 +139,17 @@ def _best_motion(
     rng = np.random.default_rng(seed)
     best: tuple[float, Array, FeasibleMotions, DesignOptions] | None = None
     most = 0.0
-    for frequency, harmonics in KINDS:
+    for harmonics in HARMONICS:
         options = DesignOptions(
             harmonics=harmonics,
-            base_frequency=frequency,
+            base_frequency=FREQUENCY,
             groups=tuple(GROUPS),
             starts=DRAWS,
             iterations=IMPROVEMENTS,
             limit_share=LIMIT_SHARE,
             seed=seed,
         )
-        basis = trajectory_basis(options.trajectory, frequency, harmonics)
+        basis = trajectory_basis(options.trajectory, FREQUENCY, harmonics)
         motions = FeasibleMotions(robot.chain, parameters, usable, basis, clearance, centres)
         for _ in range(DRAWS):
             coefficients = motions.draw(rng)
@@ -210,6 +210,6 @@ def _excitation(
         values=criterion_values(weighted_regressor(robot.chain, columns, scale, sampled), count),
         margins=limit_margins(robot.chain, diagnosis.parameters, limits, motion, clearance),
         options=options,
-        evaluations=DRAWS * len(KINDS) + IMPROVEMENTS,
+        evaluations=DRAWS * len(HARMONICS) + IMPROVEMENTS,
         start_values=(separation,),
     )

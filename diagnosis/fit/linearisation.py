@@ -10,7 +10,7 @@ from identification.parameters import INERTIAL, PER_JOINT
 from identification.prior import TIMING
 from testbench.effects import effect
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from ..model.candidates import ZERO, Candidate, candidate
 from ..model.hypothesis import Design
 from .delay import likeliest_delay

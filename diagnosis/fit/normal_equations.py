@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from identification.covariance import variance_inflation
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from ..model.base_regressor import ground
 from ..model.candidates import Candidate
 from ..model.hypothesis import Design, bounds, design, likeliest_scales, scaled_precision

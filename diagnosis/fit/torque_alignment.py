@@ -13,7 +13,8 @@ from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.torque_lag import IN_TIME, TorqueLag
 
-from ..data.preparation import Prepared, prepare
+from ..data.preparation import prepare
+from ..data.run import Prepared
 from ..model.base_regressor import ground
 from .delay import likeliest_lateness
 from .normal_equations import fitted_to, rms

@@ -16,18 +16,17 @@ from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
 from testbench.effects import effect
 from testbench.effects.signature import Quantity
 
-from ..data.preparation import Prepared
-from ..data.run import Run
+from ..data.run import Prepared, Run
 from ..fit.normal_equations import Fit, fitted_to, normal_of
 from ..model.base_regressor import ground
 from ..model.candidates import Candidate, candidate
 from ..model.effect_sizes import is_plausible
 from ..model.hypothesis import Design, scaled_precision
+from .difference import FRICTION, OFFSETS, PAYLOAD, Difference
 from .known_payload import known_payloads
 
 Array = NDArray[np.float64]
 
-PAYLOAD, OFFSETS, FRICTION = "payload", "offsets", "friction"
 # Runs differ where this share of the weighted squares that all runs leave goes with what they have of their
 # own, and each by this many standard deviations of its payload's mass, or of an offset.
 SHARE, SURELY = 0.4, 8.0
@@ -36,26 +35,6 @@ SHARE, SURELY = 0.4, 8.0
 LEAST_MASS, LEAST_OFFSET = 0.005, 0.02
 # Of the weighted squares at least this share is noise, not what one run has of its own.
 LEAST_LEFT = 0.01
-# A drive's gain is reported where it is known this well, relative.
-TOLD = 0.05
-
-
-@dataclass(frozen=True)
-class Difference:
-    """A payload, torque offsets, or friction, that one run has and others have not.
-
-    run: its name. kind: PAYLOAD, OFFSETS or FRICTION. mass: kg, of a payload. offsets: (n,) N·m, zero but of
-    OFFSETS. friction: (2, n) N·m·s/rad and N·m, viscous and Coulomb beyond that of the others; of FRICTION.
-    gains, deviations: (n,) of the drives by a payload of known mass, relative, true = (1 + gain) reported.
-    """
-
-    run: str
-    kind: str
-    mass: Quantity | None
-    offsets: Array
-    gains: Array | None = None
-    deviations: Array | None = None
-    friction: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -92,16 +71,15 @@ def without_differences(
     masses: kg, of payloads that are known to be in a run, and in no run that is not among them, by its name.
     """
     found: list[Difference] = []
-    payload = _payload(prepared)
-    if known := [index for index, run in enumerate(prepared.runs) if masses and run.name in masses]:
-        assert masses is not None
-        carried = known_payloads(prepared, payload, {k: masses[prepared.runs[k].name] for k in known})
-        for index, coefficients in zip(known, carried.coefficients, strict=True):
-            run = prepared.runs[index]
+    payload, stated = _payload(prepared), masses or {}
+    if known := {k: stated[run.name] for k, run in enumerate(prepared.runs) if run.name in stated}:
+        carried = known_payloads(prepared, payload, known)
+        for (index, kilograms), coefficients in zip(known.items(), carried.coefficients, strict=True):
             torque = carried.reported * (np.asarray(payload.member.columns[index]) @ coefficients)
-            prepared = _with_run(prepared, index, _taken_off(run, torque))
-            mass, zeros = Quantity(masses[run.name], 0.0, "kg"), np.zeros(prepared.joints)
-            found.append(Difference(run.name, PAYLOAD, mass, zeros, carried.gains, carried.deviations))
+            prepared = _without(prepared, index, torque)
+            name, mass = prepared.runs[index].name, Quantity(kilograms, 0.0, "kg")
+            zeros = np.zeros(prepared.joints)
+            found.append(Difference(name, PAYLOAD, mass, zeros, carried.gains, None, carried.deviations))
     while True:
         taken = {each.run for each in found}
         able = [index for index, run in enumerate(prepared.runs) if run.name not in taken]
@@ -112,53 +90,7 @@ def without_differences(
             run = prepared.runs[index]
             found.append(_in_numbers(run, best, index))
             torque = _whole(run, index, best.columns.kind, payload) @ best.coefficients[index]
-            prepared = _with_run(prepared, index, _taken_off(run, torque))
-
-
-def in_words(differences: Sequence[Difference], names: Sequence[str], units: Sequence[str]) -> list[str]:
-    """Sentences on the runs that differ. names, units: of the joints."""
-    said = []
-    if known := [each for each in differences if each.gains is not None]:
-        said.append(_gains_in_words(known, names))
-    weighed = [(each.run, each.mass) for each in differences if each.mass is not None and each.gains is None]
-    if weighed:
-        run, mass = weighed[0]
-        carried = [f"{run} carries {mass.value:.3g} ± {mass.std:.1g} kg"]
-        carried += [f"{run} {mass.value:.3g} ± {mass.std:.1g} kg" for run, mass in weighed[1:]]
-        said.append(f"{', '.join(carried)} that other runs do not; it is taken off before the fit.")
-    for each in differences:
-        if each.mass is not None:
-            continue
-        if each.friction is not None:
-            largest = int(np.argmax(np.abs(each.friction[1])))
-            more = f"{each.friction[1, largest]:+.3g} {units[largest]} at {names[largest]}"
-            said.append(
-                f"{each.run} has other friction than other runs, Coulomb {more}, as warm or cold joints "
-                "have; it is taken off before the fit."
-            )
-            continue
-        largest = int(np.argmax(np.abs(each.offsets)))
-        said.append(
-            f"{each.run} has other offsets of torque than other runs, {each.offsets[largest]:.3g} "
-            f"{units[largest]} at {names[largest]}; they are taken off before the fit."
-        )
-    return said
-
-
-def _gains_in_words(known: Sequence[Difference], names: Sequence[str]) -> str:
-    """The drives' gains by payloads of known masses, which tell them together."""
-    gains, deviations = known[0].gains, known[0].deviations
-    assert gains is not None
-    assert deviations is not None
-    told = [
-        f"{names[j]} {1 + gains[j]:.3f} ± {deviations[j]:.1g}"
-        for j in np.flatnonzero(deviations < TOLD).tolist()
-    ]
-    carried = " and ".join(
-        f"the {each.mass.value:g} kg that {each.run} carries" for each in known if each.mass
-    )
-    by = f"true over reported torque is {', '.join(told)}" if told else "no drive's gain is determined"
-    return f"By {carried}, {by}."
+            prepared = _without(prepared, index, torque)
 
 
 def _payload(prepared: Prepared) -> Candidate:
@@ -298,12 +230,10 @@ def _in_numbers(run: Run, own: _Own, index: int) -> Difference:
     return Difference(run.name, PAYLOAD, Quantity(float(coefficients[MASS]), deviation, "kg"), zeros)
 
 
-def _with_run(prepared: Prepared, index: int, run: Run) -> Prepared:
-    runs = [run if k == index else each for k, each in enumerate(prepared.runs)]
+def _without(prepared: Prepared, index: int, torque: Array) -> Prepared:
+    """The runs, one of them without the torque (N, n) N·m of what it has of its own."""
+    runs = list(prepared.runs)
+    run = runs[index]
+    left = run.torque - run.filtered(np.ascontiguousarray(torque), range(torque.shape[1]))
+    runs[index] = replace(run, torque=left, logged=replace(run.logged, tau=run.logged.tau - torque))
     return replace(prepared, runs=tuple(runs))
-
-
-def _taken_off(run: Run, torque: Array) -> Run:
-    """The run without the torque (N, n) of what it has of its own."""
-    filtered = run.filtered(np.ascontiguousarray(torque), range(torque.shape[1]))
-    return replace(run, torque=run.torque - filtered, logged=replace(run.logged, tau=run.logged.tau - torque))

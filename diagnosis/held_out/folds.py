@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..data.preparation import Prepared, blocks
+from ..data.preparation import blocks
+from ..data.run import Prepared
 from ..fit.likelihood import gained
 from ..fit.normal_equations import fitted_to, is_extrapolated, squares
 from ..fit.score import Stage
@@ -14,9 +15,9 @@ from ..model.gram import Bank
 
 # A run is extrapolated to where that leaves no less than this share of the joint's torque.
 SEEN = 0.01
-# Then it is left out in so many parts, by the number of runs: all folds together are what a fit costs.
-PARTS = {1: 12, 2: 6} | dict.fromkeys(range(3, 7), 3)
-PARTS_OF_MANY = 2
+# Then it is left out in so many parts: of one run, of each of two, ..., the last of each of more. All folds
+# together are what a fit costs.
+PARTS = (12, 6, 3, 3, 3, 3, 2)
 # An effect that gains this log-likelihood in one run, which is this share of all that it gains, and that the
 # others hardly predict: less than this share of it.
 TOLD, OF_ONE, FORETOLD = 30.0, 0.9, 0.5
@@ -57,7 +58,7 @@ def covered_for(stage: Stage, bank: Bank) -> Prepared:
 
 def _in_parts(prepared: Prepared, alone: Collection[int]) -> Prepared:
     """The runs with some of them left out in parts; unchanged where none of those is left out as a whole."""
-    parts = PARTS.get(len(prepared.runs), PARTS_OF_MANY)
+    parts = PARTS[min(len(prepared.runs), len(PARTS)) - 1]
     folds: list[tuple[int, slice]] = []
     for index, run in enumerate(prepared.runs):
         own = [part for at, part in prepared.folds if at == index]

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 
 from identification.parameters import MASS
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from ..model.base_regressor import ground
 from ..model.candidates import Candidate
 from ..model.hypothesis import INDEPENDENT

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification.prior import TIMING, parameter_widths
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 
 Array = NDArray[np.float64]
 

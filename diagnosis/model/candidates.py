@@ -15,7 +15,7 @@ from testbench.effects.base import EffectDescription, Scope
 from testbench.effects.columns import ColumnsByInstant, ColumnsByRun, WindowedColumns, over_all_joints
 from testbench.effects.signature import Family, Member, Quantity, places
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 
 Array = NDArray[np.float64]
 

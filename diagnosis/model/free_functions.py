@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from testbench.effects.columns import ColumnsByInstant, ColumnsByRun, on_one_joint
 from testbench.effects.logged import Logged
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from .candidates import FREE, Candidate, without_law
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_JOINT, VISCOUS
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from .base_regressor import ground
 from .candidates import Candidate
 from .gram import reached_rows

@@ -11,7 +11,7 @@ import numpy as np
 
 from testbench.effects import effects
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from .candidates import Candidate, candidates
 from .free_functions import generic_candidates
 

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from ..fit.likelihood import Weighed
 from ..fit.normal_equations import Fit, fitted_to
 from ..fit.score import Stage
 from ..model.candidates import Candidate
 from ..model.hypothesis import Design
-from ..residual.unexplained import Unclaimed, share_left
+from ..residual.localisation import share_left
+from ..residual.shares import Unclaimed
 
 # Cycles a revolution.
 SLOWEST_RIPPLE = 10.0

@@ -15,8 +15,7 @@ from identification.inverse_dynamics import inverse_dynamics
 from testbench.effects import effect
 from testbench.effects.logged import Logged
 
-from ..data.preparation import Prepared
-from ..data.run import DEAD_ZONE
+from ..data.run import DEAD_ZONE, Prepared
 from ..model.candidates import SATURATION, Candidate, candidate
 
 Array = NDArray[np.float64]

@@ -21,8 +21,7 @@ from identification.parameters import COULOMB, PER_JOINT
 from testbench.effects.columns import on_one_joint
 from testbench.effects.signature import Logged
 
-from ..data.preparation import Prepared
-from ..data.run import DEAD_ZONE
+from ..data.run import DEAD_ZONE, Prepared
 from ..fit.likelihood import Weighed, gained, gained_by_shift
 from ..fit.normal_equations import standard_values
 from ..fit.score import Stage

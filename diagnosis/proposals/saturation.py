@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 from testbench.effects import effect
 from testbench.effects.signature import Family
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from ..fit.bounded import solve
 from ..fit.likelihood import Weighed, log_of_squares
 from ..fit.score import Gain, Stage

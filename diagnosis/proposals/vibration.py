@@ -18,8 +18,9 @@ from ..data.run import Run
 from ..fit.score import Gain, Stage
 from ..model.candidates import Candidate
 from ..plausibility.accepted import Accepted, without_one
+from ..residual.localisation import share_left
+from ..residual.shares import NOTHING, Unclaimed
 from ..residual.spectrum import SMALLEST, kept_rate
-from ..residual.unexplained import NOTHING, Unclaimed, share_left
 
 Array = NDArray[np.float64]
 

@@ -2,39 +2,31 @@
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from testbench.report.style import MEASURED, MUTED, RESIDUAL, TEMPLATE, envelope, single
+from testbench.findings import torque_unit
+from testbench.report.style import MEASURED, MUTED, POINTS, RESIDUAL, TEMPLATE, add_line, envelope
 
-from ..correction.closed_loop_gap import STAGES, ForwardGap
-from ..decision.findings import Diagnosis
-from .words import labelled, torque_unit
-
-Array = NDArray[np.float64]
+from ..correction.closed_loop_gap import ForwardGap
+from ..decision.findings import STAGES, Diagnosis
+from .words import MOST_CANDIDATES, labelled
 
 NOMINAL, PARAMETERS, EFFECTS, FLOOR = "#9aa3ad", "#f0a860", "#1f77b4", "#1b7f4d"
 STAGE_NAMES = {"nominal": "as given", "parameters": "re-identified", "effects": "with the effects"}
 STAGE_COLOURS = {"nominal": NOMINAL, "parameters": PARAMETERS, "effects": EFFECTS}
 # The lowest noise floor that is drawn, as a share of the smallest bar, and the room around all.
 FLOOR_SHOWN, MARGIN = 0.05, 0.5
-MOST_CANDIDATES = 12
-POINTS = 900
 
 
 def evidence(diagnosis: Diagnosis) -> go.Figure:
     """Probability of the candidates, likeliest on top; those named in blue."""
-    ranked = sorted(diagnosis.ranked, key=lambda each: (-each.probability, -each.score))[:MOST_CANDIDATES]
-    named = {(each.effect, each.joint, each.into) for each in diagnosis.effects}
-    labels = [labelled(diagnosis.robot, each.effect, each.joint, each.into) for each in ranked]
+    ranked, named = diagnosis.likeliest[:MOST_CANDIDATES], {each.place for each in diagnosis.effects}
     figure = go.Figure(
         go.Bar(
             x=[100 * each.probability for each in ranked],
-            y=labels,
+            y=[labelled(diagnosis.robot, each) for each in ranked],
             orientation="h",
-            marker_color=[
-                EFFECTS if (each.effect, each.joint, each.into) in named else MUTED for each in ranked
-            ],
+            marker_color=[EFFECTS if each.place in named else MUTED for each in ranked],
             text=[f"{100 * each.probability:.0f} %" for each in ranked],
             textposition="outside",
             cliponaxis=False,
@@ -90,10 +82,8 @@ def gap_by_joint(diagnosis: Diagnosis) -> go.Figure:
     gap, names = diagnosis.gap, list(diagnosis.robot.joint_names)
     figure = go.Figure(layout={"template": TEMPLATE, "height": 330, "barmode": "group"})
     for index, stage in enumerate(STAGES):
-        rms, error = getattr(gap, stage), None
-        if gap.intervals is not None:
-            low, high = gap.intervals[index]
-            error = {"array": high - rms, "arrayminus": rms - low, "thickness": 1, "width": 3}
+        rms, (low, high) = getattr(gap, stage), gap.intervals[index]
+        error = {"array": high - rms, "arrayminus": rms - low, "thickness": 1, "width": 3}
         figure.add_bar(
             x=names, y=rms, error_y=error, name=STAGE_NAMES[stage], marker_color=STAGE_COLOURS[stage]
         )
@@ -119,7 +109,7 @@ def before_and_after(diagnosis: Diagnosis) -> go.Figure:
     """Residual of the re-identified model and of the corrected one, a panel a joint, in the worst run."""
     names, units = diagnosis.robot.joint_names, diagnosis.robot.units()
     first, last = diagnosis.parameters_only[1].residual, diagnosis.final[1].residual
-    worst = int(np.argmax([np.mean((r * scale(diagnosis)) ** 2) for r in first]))
+    worst = diagnosis.runs_by_gap[0]
     run = diagnosis.prepared.runs[worst]
     rows = -(-len(names) // 2)
     cells = [[2 * row + column < len(names) for column in range(2)] for row in range(rows)]
@@ -135,15 +125,7 @@ def before_and_after(diagnosis: Diagnosis) -> go.Figure:
             (last[worst], "with the effects", MEASURED),
         ):
             masked = np.where(run.used[:, joint], residual[:, joint], np.nan)[kept]
-            figure.add_scatter(
-                x=single(run.time[kept]),
-                y=single(masked),
-                mode="lines",
-                name=label,
-                line={"color": colour, "width": 1.1},
-                showlegend=joint == 0,
-                **where,
-            )
+            add_line(figure, run.time[kept], masked, label, colour, showlegend=joint == 0, **where)
         figure.update_yaxes(title=f"{name}, {units[joint]}", title_standoff=4, **where)
         if joint + 2 >= len(names):
             figure.update_xaxes(title=f"time in {run.name}, s", **where)
@@ -171,8 +153,3 @@ def forward(diagnosis: Diagnosis, gap: ForwardGap) -> go.Figure:
     figure.update_yaxes(title=f"motion, RMS, {length}", col=1)
     figure.update_yaxes(title=f"torque, RMS, {torque_unit(diagnosis.robot)}", col=2)
     return figure.update_layout(template=TEMPLATE, barmode="group", height=300)
-
-
-def scale(diagnosis: Diagnosis) -> Array:
-    """One over each joint's remaining residual, (n,)."""
-    return np.sqrt(diagnosis.final[1].weights)

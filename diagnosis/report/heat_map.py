@@ -7,12 +7,11 @@ from testbench.report.style import TEMPLATE
 
 from ..decision.findings import Diagnosis
 from ..residual.shares import RegimeShare
+from .words import LEAST_SHOWN
 
-HEAT = [[0.0, "#ffffff"], [0.15, "#fde3c8"], [0.5, "#f08a4b"], [1.0, "#a61e22"]]
-# Full colour: the whole gap at one joint; half of the whole beyond what is expected of a regime.
-WHOLE, BEYOND = 100.0, 50.0
-# Per cent below which a cell is left empty.
-SMALLEST = 0.5
+HEAT = ["#ffffff", "#f08a4b", "#a61e22"]
+# Per cent of the whole gap beyond what is expected of a regime that have its full colour.
+BEYOND = 50.0
 ALL = ("joint", "all")
 # Wider than the one column that it heads.
 BROKEN = {"acceleration": "accele-<br>ration"}
@@ -40,13 +39,13 @@ def where(diagnosis: Diagnosis) -> go.Figure:
             of_regime.fill(
                 joint, (part.aspect, part.part), own, share * part.excess, _told(names[joint], part, unit)
             )
-            if part.cycles is not None and own >= SMALLEST:
+            if part.cycles is not None and own >= 100 * LEAST_SHOWN:
                 per = "m" if diagnosis.robot.chain.is_slide[joint] else "turn"
                 of_regime.text[joint, columns.index((part.aspect, part.part))] += (
                     f"<br>{part.cycles:.3g}/{per}"
                 )
     figure = go.Figure(layout={"template": TEMPLATE, "height": 170 + 36 * len(names)})
-    figure.add_trace(of_joint.drawn(names, WHOLE))
+    figure.add_trace(of_joint.drawn(names, 100.0))
     if columns:
         figure.add_trace(of_regime.drawn(names, BEYOND))
     figure.update_xaxes(
@@ -69,7 +68,7 @@ class _Cells:
         """Set one cell; share and colour in per cent of the whole gap."""
         cell = joint, self.columns.index(column)
         self.colour[cell], self.hover[cell] = max(colour, 0.0), hover
-        self.text[cell] = f"{share:.0f} %" if share >= SMALLEST else ""
+        self.text[cell] = f"{share:.0f} %" if share >= 100 * LEAST_SHOWN else ""
 
     def drawn(self, names: tuple[str, ...], full: float) -> go.Heatmap:
         """The cells, at their deepest colour from ``full`` per cent on."""

@@ -4,13 +4,12 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from testbench.report.style import MUTED, PREDICTED, TEMPLATE, envelope, single
+from testbench.report.style import MUTED, POINTS, PREDICTED, TEMPLATE, add_line, envelope, single
 
 from ..decision.findings import Diagnosis, NamedEffect
-from .figures import POINTS
 
-# Of the limit: samples are counted in steps of the first, and those from the second on are at it.
-STEP, AT_LIMIT = 0.02, 0.98
+# Of the limit: samples are counted in such steps, and those of the last one below it are at it.
+STEP = 0.02
 
 
 def reported_limit(diagnosis: Diagnosis, named: NamedEffect) -> go.Figure:
@@ -18,19 +17,12 @@ def reported_limit(diagnosis: Diagnosis, named: NamedEffect) -> go.Figure:
     assert named.joint is not None
     robot, joint, limit = diagnosis.robot, named.joint, named.candidate.member.shape["limit"]
     torques = [run.logged.tau[:, joint] for run in diagnosis.prepared.runs]
-    most = int(np.argmax([np.sum(np.abs(torque) > AT_LIMIT * limit) for torque in torques]))
+    most = int(np.argmax([np.sum(np.abs(torque) > (1 - STEP) * limit) for torque in torques]))
     shown = diagnosis.prepared.runs[most]
     kept = envelope(POINTS, torques[most])
     figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.09, column_widths=[0.6, 0.4])
-    figure.add_scatter(
-        x=single((shown.logged.time - shown.logged.time[0])[kept]),
-        y=single(torques[most][kept]),
-        name="reported torque",
-        mode="lines",
-        line={"color": MUTED, "width": 1.4},
-        row=1,
-        col=1,
-    )
+    time, torque = (shown.logged.time - shown.logged.time[0])[kept], torques[most][kept]
+    add_line(figure, time, torque, "reported torque", MUTED, row=1, col=1)
     for level in (-limit, limit):
         figure.add_hline(y=level, line={"color": PREDICTED, "width": 1.4, "dash": "dash"}, row=1, col=1)
     size = np.abs(np.concatenate(torques))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from ..decision.findings import LITTLE_CLOSED, PERHAPS_NOISE, Gap, NamedEffect
-from ..residual.unexplained import NOTHING, UNTOLD, Unclaimed
+from ..residual.shares import NOTHING, UNTOLD, Unclaimed
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def left_in_words(robot: Robot, left: Array, gap: Gap, torque: Array) -> str:
     if share[worst] <= LITTLE_OF_TORQUE:
         return f"explains them to {share[worst]:.1%} of each joint's torque"
     times = left[worst] / max(gap.noise_floor[worst], float(np.finfo(float).tiny))
-    beyond = f"{'at least ' if gap.is_bound(worst) else ''}{times:.2g} times the noise"
+    beyond = f"{'at least ' if gap.unseen[worst] else ''}{times:.2g} times the noise"
     of_torque = f"{share[worst]:.0%} of the torque of {robot.joint_names[worst]}"
     return f"leaves {of_torque} on runs left out, {beyond}, without a named cause"
 

@@ -5,17 +5,23 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from testbench.report.style import MUTED, PREDICTED, TEMPLATE, binned_mean, envelope, single
+from testbench.report.style import (
+    MUTED,
+    POINTS,
+    PREDICTED,
+    TEMPLATE,
+    add_line,
+    binned_mean,
+    envelope,
+    single,
+)
 
 from ..data.run import Run
 from ..decision.findings import Diagnosis, NamedEffect
-from .figures import POINTS, scale
 from .reported_limit import reported_limit
 from .words import labelled, place
 
 Array = NDArray[np.float64]
-
-BINS, FEWEST = 30, 4
 
 
 def signature(diagnosis: Diagnosis, named: NamedEffect) -> go.Figure:
@@ -30,7 +36,8 @@ def signature(diagnosis: Diagnosis, named: NamedEffect) -> go.Figure:
         return reported_limit(diagnosis, named)
     joint = _shown_joint(diagnosis, named)
     robot, runs = diagnosis.robot, diagnosis.prepared.runs
-    law, before = partial_residual(diagnosis, named)
+    law = diagnosis.torque_of(named)
+    before = [left + own for left, own in zip(diagnosis.final[1].residual, law, strict=True)]
     used = np.concatenate([run.used[:, joint] for run in runs])
     # A coupling's friction is on the summed speed of its two joints.
     moving = [joint] if named.into is None or named.joint is None else [named.joint, named.into]
@@ -70,16 +77,8 @@ def _add_scatter(figure: go.Figure, column: int, x: Array, left: Array, torque: 
             **where,
         )
     for y, colour, label in ((left, "#3c4650", "its mean"), (torque, "#c25a00", "the law's mean")):
-        centres, means = binned_mean(x, y, BINS, FEWEST)
-        figure.add_scatter(
-            x=single(centres),
-            y=single(means),
-            mode="lines",
-            name=label,
-            line={"color": colour, "width": 2},
-            showlegend=column == 1,
-            **where,
-        )
+        centres, means = binned_mean(x, y)
+        add_line(figure, centres, means, label, colour, 2.0, showlegend=column == 1, **where)
 
 
 def _add_history(figure: go.Figure, shown: Run, joint: int, left: Array, torque: Array) -> None:
@@ -87,40 +86,19 @@ def _add_history(figure: go.Figure, shown: Run, joint: int, left: Array, torque:
     kept = envelope(POINTS, left, torque)
     for values, name, colour in ((left, "residual before", MUTED), (torque, "fitted law", PREDICTED)):
         masked = np.where(shown.used[:, joint], values, np.nan)[kept]
-        figure.add_scatter(
-            x=single(shown.time[kept]),
-            y=single(masked),
-            name=name,
-            mode="lines",
-            line={"color": colour, "width": 1.4},
-            showlegend=False,
-            row=1,
-            col=3,
-        )
-
-
-def partial_residual(diagnosis: Diagnosis, named: NamedEffect) -> tuple[list[Array], list[Array]]:
-    """A run each, (M, n) N·m: the effect's fitted torque, and the residual with that torque put back."""
-    hypothesis, fitted = diagnosis.final
-    for accepted, part in zip(hypothesis.accepted, hypothesis.parts, strict=True):
-        if accepted.place == (named.effect, named.joint, named.into):
-            law = [columns @ fitted.values[part] for columns in accepted.columns]
-            return law, [r + torque for r, torque in zip(fitted.residual, law, strict=True)]
-    raise KeyError(f"{named.effect} is not in the final hypothesis")
+        add_line(figure, shown.time[kept], masked, name, colour, showlegend=False, row=1, col=3)
 
 
 def caption(diagnosis: Diagnosis, named: NamedEffect) -> str:
     """Caption of a signature plot: the effect and its joint, and the joint whose torque is shown."""
     shown = diagnosis.robot.joint_names[_shown_joint(diagnosis, named)]
     at = place(diagnosis.robot, named.joint, named.into)
-    return f"{labelled(diagnosis.robot, named.effect, named.joint, named.into)}" + (
-        "" if shown == at else f": torque of {shown}"
-    )
+    return labelled(diagnosis.robot, named) + ("" if shown == at else f": torque of {shown}")
 
 
 def _shown_joint(diagnosis: Diagnosis, named: NamedEffect) -> int:
     """The joint on which the effect's torque stands out most against what is left."""
     if named.joint is not None and named.joint in named.candidate.member.rows:
         return named.joint
-    law = np.concatenate(partial_residual(diagnosis, named)[0])
-    return int(np.argmax(np.mean(law**2, axis=0) * scale(diagnosis) ** 2))
+    law = np.concatenate(diagnosis.torque_of(named))
+    return int(np.argmax(np.mean(law**2, axis=0) * diagnosis.final[1].weights))

@@ -3,13 +3,15 @@
 import numpy as np
 from rich.text import Text
 
-from testbench.summary import finding_line
+from testbench.findings import significant, torque_unit
+from testbench.robot import Robot
+from testbench.summary import finding_line, labelled_line
 from testbench.terminal import console
 
 from ..correction.corrected_mjcf import Written
-from ..decision.findings import Diagnosis
+from ..decision.findings import STAGES, Diagnosis
 from ..experiment.discriminating_motion import NextExperiment
-from . import words
+from . import notes, words
 
 MOST_LINES, MOST_EFFECTS, MOST_RIVALS = 10, 3, 2
 
@@ -25,52 +27,70 @@ def summary(
     diagnosis: Diagnosis, next_experiment: NextExperiment | None = None, written: Written | None = None
 ) -> Text:
     """Verdict, where, which, how far and what next, at most ten lines; one more of corrected.xml."""
-    robot, gap = diagnosis.robot, diagnosis.gap
+    robot = diagnosis.robot
     lines = [Text(diagnosis.sentence, style="bold")]
     lines += [finding_line(each) for each in diagnosis.log_findings if not each.bars_names]
     if where := words.where(diagnosis):
-        lines.append(_line("where", where))
+        lines.append(labelled_line("where", where))
     for each in diagnosis.effects[:MOST_EFFECTS]:
-        label = words.labelled(robot, each.effect, each.joint, each.into)
+        label = words.labelled(robot, each)
         told = words.parameters(each, diagnosis.run_names)
-        lines.append(_line("effect", f"{label}: {100 * each.probability:.0f} %; {told}"))
+        lines.append(labelled_line("effect", f"{label}: {100 * each.probability:.0f} %; {told}"))
     if diagnosis.effects and diagnosis.notes:
-        lines.append(_line("unknown", diagnosis.notes[0]))
-    lines += [_line("runs", each) for each in words.differences(diagnosis)]
-    lines += [_line("late", each) for each in words.late(diagnosis)]
-    lines += [_line("silent", each) for each in words.silent(diagnosis)]
-    lines += [_line("untold", each) for each in words.untold(diagnosis)]
-    lines += [_line("alike", each) for each in words.everywhere(diagnosis)]
-    lines += [_line("mended", each) for each in words.mended(diagnosis)]
-    ambiguous = next((each for each in diagnosis.effects if each.confusable_with), None)
-    if ambiguous is not None:
-        others_like = words.titles(ambiguous.confusable_with)
-        lines.append(
-            _line("open", f"{words.title(ambiguous.effect)} may be {others_like}: these runs cannot tell")
-        )
-    named = {(each.effect, each.joint, each.into) for each in diagnosis.effects}
-    ranked = sorted(diagnosis.ranked, key=lambda each: (-each.probability, -each.score))
-    others = [each for each in ranked if (each.effect, each.joint, each.into) not in named][:MOST_RIVALS]
+        lines.append(labelled_line("unknown", diagnosis.notes[0]))
+    for label, said in (
+        ("runs", notes.differences(diagnosis.differences, robot)),
+        ("late", notes.late(diagnosis)),
+        ("silent", notes.silent(diagnosis)),
+        ("untold", notes.untold(diagnosis)),
+        ("alike", notes.everywhere(diagnosis)),
+        ("mended", notes.mended(diagnosis)),
+    ):
+        lines += [labelled_line(label, each) for each in said]
+    if ambiguous := next((each for each in diagnosis.effects if each.confusable_with), None):
+        told = f"{words.title(ambiguous.effect)} may be {words.confusable(ambiguous)}"
+        lines.append(labelled_line("open", f"{told}: these runs cannot tell"))
+    others = [
+        f"{words.labelled(robot, each)} ({100 * each.probability:.0f} %)"
+        for each in diagnosis.not_reported[:MOST_RIVALS]
+    ]
     if others:
-        listed = [
-            f"{words.labelled(robot, each.effect, each.joint, each.into)} ({100 * each.probability:.0f} %)"
-            for each in others
-        ]
-        lines.append(_line("not", "; ".join(listed)))
-    stages = (("given", gap.nominal), ("re-identified", gap.parameters), ("with effects", gap.effects))
-    told = " → ".join(f"{np.sum(rms):.3g} {name}" for name, rms in stages)
-    share = gap.told_closed
-    closed = "" if share is None or not diagnosis.effects else f"; {100 * share:.0f} % closed"
-    over_all = words.over_all(diagnosis)
-    lines.append(_line("gap", f"{told}, {words.noise_floor(diagnosis)}{closed}{over_all}"))
+        lines.append(labelled_line("not", "; ".join(others)))
+    lines.append(labelled_line("gap", _gap(diagnosis)))
     if next_experiment is not None:
-        lines.append(_line("next", next_experiment.why))
+        lines.append(labelled_line("next", next_experiment.why))
     most = MOST_LINES + sum(not each.bars_names for each in diagnosis.log_findings)
     lines = lines[:most]
     if written is not None:
-        lines.append(_line("file", words.corrected_file(robot, written)))
+        lines.append(labelled_line("file", _corrected_file(robot, written)))
     return Text("\n").join(lines)
 
 
-def _line(label: str, text: str) -> Text:
-    return Text.assemble((f"{label:8}", "dim"), text)
+def _gap(diagnosis: Diagnosis) -> str:
+    """The gap of all joints by stage, the noise in it, and how far it is closed."""
+    gap = diagnosis.gap
+    stages = (("given", gap.nominal), ("re-identified", gap.parameters), ("with effects", gap.effects))
+    told = " → ".join(f"{np.sum(rms):.3g} {name}" for name, rms in stages)
+    at_most = "at most " if gap.unseen.any() else ""
+    noise = f"noise {at_most}{np.sum(gap.noise_floor):.3g} {torque_unit(diagnosis.robot)}"
+    share = gap.told_closed
+    closed = "" if share is None or not diagnosis.effects else f"; {100 * share:.0f} % closed"
+    return f"{told}, {noise}{closed}{_over_all(diagnosis)}"
+
+
+def _over_all(diagnosis: Diagnosis) -> str:
+    """The gap of all joints over all frequencies, for the end of a line on that in the band."""
+    gap = diagnosis.gap
+    told = " → ".join(f"{np.sum(gap.over_all(getattr(gap, stage))):.3g}" for stage in STAGES)
+    band = sorted({significant(each, 2) for each in diagnosis.prepared.cutoff.tolist()}, key=float)
+    below = band[0] if len(band) == 1 else f"{band[0]} to {band[-1]}"
+    return f"; that is below {below} Hz, over all frequencies {told}"
+
+
+def _corrected_file(robot: Robot, written: Written) -> str:
+    """The torque error of corrected.xml beside that of the model given and of the laws, joints summed."""
+    error = written.error
+    given, laws, file = (f"{np.sum(rms):.3g}" for rms in (error.given, error.laws, error.file))
+    lacks = "; the report lists what the file lacks" if written.lacks else ""
+    told = f"{given} given → {file} by corrected.xml along these runs, {laws} by the diagnosis's laws"
+    return f"{told} ({torque_unit(robot)}){lacks}"

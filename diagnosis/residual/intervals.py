@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..data.preparation import Prepared
-from ..data.run import Run
+from ..data.run import Prepared, Run
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..data.preparation import Prepared
-from ..data.run import Run, filter_cutoff
+from ..data.run import Prepared, Run, filter_cutoff
 from ..fit.normal_equations import Fit, rms
+from ..fit.score import Stage
 from ..model.hypothesis import Design
 from .intervals import blocks, drawn_sums, interval
-from .shares import RegimeShare, Share
+from .shares import EVERYWHERE, RegimeShare, Share
 from .spectrum import FREQUENCY, PERIODIC, band_shares, periodic_share
 
 Array = NDArray[np.float64]
@@ -23,8 +23,6 @@ Mask = NDArray[np.bool_]
 
 # A regime is named from so many times its expected share, if its interval is above that too.
 DENSE = 1.3
-# Of a joint's gap that is in no regime more than in others.
-EVERYWHERE = "everywhere"
 # A period is named where it holds this much of the joint's gap, too, and a band from this much on.
 LEAST = {PERIODIC: 0.2, FREQUENCY: 0.5}
 
@@ -155,3 +153,8 @@ def where(prepared: Prepared, parameters_only: tuple[Design, Fit], noise: Array)
             )
         )
     return tuple(sorted(found, key=lambda s: -s.share))
+
+
+def share_left(first: Stage, last: Stage) -> Array:
+    """The part of the held-out squared residual of the first stage that the last one leaves, (n,)."""
+    return last.held_squares / np.maximum(first.held_squares, 1e-300)

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from ..data.preparation import Prepared
-from ..data.run import Run
+from ..data.run import Prepared, Run
 from ..model.base_regressor import ground
 
 Array = NDArray[np.float64]
@@ -74,7 +73,7 @@ def _repetition(run: Run) -> Array | None:
         return None
     lag = period // step
     difference = run.torque[lag:] - run.torque[:-lag]
-    if len(difference) < 2 * lag // 2 or len(difference) < 20:
+    if len(difference) < max(lag, 20):
         return None
     # Friction near rest need not repeat exactly: the median of squares is not moved by it.
     return np.median(difference**2, axis=0) / 0.4549364 / 2

@@ -1,6 +1,11 @@
-"""Shares of a gap: a joint's, and of it those of the regimes of the motion."""
+"""Shares of a gap: a joint's, of it those of the regimes of the motion, and what no effect explains."""
 
 from dataclasses import dataclass
+
+# A joint's gap that is in no regime more than in others.
+EVERYWHERE = "everywhere"
+# What an unexplained residual follows: no function of the motion, or effects that these runs leave unsure.
+NOTHING, UNTOLD = "nothing that was tried", "effects that these runs do not tell for sure"
 
 
 @dataclass(frozen=True)
@@ -48,3 +53,18 @@ class Share:
     gap_rms: float
     noise_rms: float
     regimes: tuple[RegimeShare, ...] = ()
+
+
+@dataclass(frozen=True)
+class Unclaimed:
+    """A residual that no effect explains: a joint's index, the regime in words, and the share of its gap.
+
+    frequency: Hz, where most of that shakes at one. period: in words, where much of it repeats with the
+    position.
+    """
+
+    joint: int
+    regime: str
+    share: float
+    frequency: float | None = None
+    period: str | None = None

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
-from ..data.preparation import Prepared
-from ..data.run import Run
+from ..data.run import Prepared, Run
 from .intervals import drawn_sums, interval
 from .shares import RegimeShare
 

@@ -1,7 +1,7 @@
 """Structure that the hypothesis leaves: where a free function of the motion explains what no effect does."""
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,9 @@ from ..model.candidates import FREE
 from ..model.free_functions import RUN_TIME
 from ..model.gram import Bank
 from ..model.hypothesis import LATE, design
-from .localisation import regime_shares
+from .localisation import regime_shares, share_left
 from .noise import noise
-from .shares import RegimeShare
+from .shares import NOTHING, RegimeShare, Unclaimed
 from .spectrum import PERIODIC, slow_share
 
 Array = NDArray[np.float64]
@@ -43,24 +43,8 @@ QUANTISED = 0.35
 BY_CHANCE = 3.0
 # A period counts from so many times the share that chance gives one.
 MORE_THAN_CHANCE = 2.0
-NOTHING, TIMING = "nothing that was tried", "rate of torque"
-# Residual explained by effects of which these runs are not sure.
-UNTOLD = "effects that these runs do not tell for sure"
-
-
-@dataclass(frozen=True)
-class Unclaimed:
-    """A joint's index, the regime in words, and the share of its gap that follows it.
-
-    frequency: Hz, where most of that shakes at one. period: in words, where much of it repeats with the
-    position.
-    """
-
-    joint: int
-    regime: str
-    share: float
-    frequency: float | None = None
-    period: str | None = None
+# The regime of torque that is logged late.
+TIMING = "rate of torque"
 
 
 def foretold_shares(stage: Stage, free: Bank) -> Array:
@@ -174,11 +158,6 @@ def _of_timing(last: Stage) -> Iterator[Unclaimed]:
     share = 1 - last.held_squares / np.maximum(in_time, 1e-300)
     joint = int(np.argmax(share))
     yield Unclaimed(joint, TIMING, float(share[joint]))
-
-
-def share_left(first: Stage, last: Stage) -> Array:
-    """The part of the held-out squared residual of the first stage that the last one leaves, (n,)."""
-    return last.held_squares / np.maximum(first.held_squares, 1e-300)
 
 
 def _of_nothing(first: Stage, last: Stage, named: Collection[int]) -> Iterator[Unclaimed]:

@@ -20,7 +20,8 @@ from ..plausibility.materiality import is_material
 from ..plausibility.observability import not_observable
 from ..proposals.flat_top import flat_tops
 from ..proposals.vibration import vibrations, with_its_line, without_shaken, worth_telling
-from ..residual.unexplained import NOTHING, Unclaimed, unclaimed, with_its_period
+from ..residual.shares import NOTHING, Unclaimed
+from ..residual.unexplained import unclaimed, with_its_period
 from .grown import Grown, as_of
 
 # Patterns in what effects explain or leave that no effect of the catalogue makes.

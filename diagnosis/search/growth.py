@@ -13,10 +13,9 @@ import numpy as np
 
 from testbench.effects.base import EffectDescription, Scope
 
-from ..data.preparation import Prepared
+from ..data.run import Prepared
 from ..decision.attribution import Attribution
-from ..decision.found import Found
-from ..decision.reported_effects import accepted_as
+from ..decision.reported_effects import Found, accepted_as
 from ..fit.likelihood import Weighed
 from ..fit.linearisation import first_linearised
 from ..fit.normal_equations import standard_values

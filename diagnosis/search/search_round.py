@@ -8,7 +8,7 @@ import numpy as np
 
 from testbench.robot import Robot
 
-from ..decision.found import Found
+from ..decision.reported_effects import Found
 from ..fit.likelihood import Weighed, weigh
 from ..fit.score import Gain, Stage
 from ..model.candidates import PUSH, SATURATION

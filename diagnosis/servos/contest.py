@@ -62,8 +62,7 @@ class Contest:
             if best is None or best.probability < ACCEPTED or len(out) > MOST:
                 return out
             fitted = best.fitted
-            assert fitted.place is not None
-            taken.add((fitted.place.effect.name, fitted.place.joint))
+            taken.add(best.place.key)
 
     def _problem(self, unknown: Unknowns) -> Problem:
         return Problem(self.limb.chain, unknown, self.runs, self.threads)
@@ -76,11 +75,7 @@ class Contest:
     ) -> Verdicts:
         """The verdicts on every effect at every joint that is not taken in already."""
         own, sizes = base.fit, self.sizes
-        open_places = [
-            each
-            for each in places(self.runs[0].kd, self.without)
-            if (each.effect.name, each.joint) not in taken
-        ]
+        open_places = [each for each in places(self.runs[0].kd, self.without) if each.key not in taken]
         weights = 1 / (np.maximum(own.residual_std, SMALLEST) * np.sqrt(own.inflation))
         trials = [(place, size) for place in open_places for size in grid(place.effect)]
         handed = [handed_over(own.unknowns, own.values, place, sizes, size) for place, size in trials]
@@ -95,15 +90,13 @@ class Contest:
         # The best law and size of each effect at each joint.
         best: dict[tuple[str, int | None], int] = {}
         for index in np.argsort(costs, kind="stable"):
-            place = trials[index][0]
             if costs[index] < least:
-                best.setdefault((place.effect.name, place.joint), int(index))
+                best.setdefault(trials[index][0].key, int(index))
         candidates = [
             self._candidate(own, derivatives, *trials[index], handed[index], starts[index])
             for index in list(best.values())[:SHORTLIST]
         ]
-        count = len({(each.effect.name, each.joint) for each in open_places})
-        return weigh(base, candidates, sizes, count)
+        return weigh(base, candidates, sizes, len({each.key for each in open_places}))
 
     def _candidate(
         self,

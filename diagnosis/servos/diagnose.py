@@ -133,13 +133,11 @@ def _faults(found: _OfLimb, most: float) -> list[ServoFault]:
     names, out = found.limb.chain.joint_names, []
     for each in found.stated:
         of_round = next(one for one in found.rounds if each in one.verdicts.faults)
-        place = each.fitted.place
-        assert place is not None
-        own = np.arange(len(names)) if place.joint is None else np.array([place.joint])
+        place, own = each.place, each.place.joints(len(names))
         others = [
-            other.fitted.place.effect.name
+            other.place.effect.name
             for other in of_round.verdicts.faults[1:]
-            if other.probability >= CONFUSABLE and other.fitted.place is not None
+            if other.probability >= CONFUSABLE
         ]
         before, after = (float(np.sum(found.errors[stage][own] ** 2)) for stage in (1, 2))
         out.append(
@@ -149,7 +147,7 @@ def _faults(found: _OfLimb, most: float) -> list[ServoFault]:
                 joints=tuple(names[joint] for joint in own),
                 law=place.law.name or place.effect.law,
                 probability=most * each.probability,
-                parameters=_parameters(found, each, int(own[0])),
+                parameters=_parameters(found, each, own[0]),
                 confusable_with=tuple(dict.fromkeys(name for name in others if name != place.effect.name)),
                 held_out_share=1 - after / before if before > 0 else 0.0,
             )
@@ -159,9 +157,8 @@ def _faults(found: _OfLimb, most: float) -> list[ServoFault]:
 
 def _parameters(found: _OfLimb, each: Weighed, joint: int) -> dict[str, Quantity]:
     """The entry of the plant's table that the effect moves, in the last of the fits."""
-    place, fitted = each.fitted.place, found.final
-    assert place is not None
-    effect, column = place.effect, place.effect.moves[0][0]
+    effect, fitted = each.place.effect, found.final
+    column = effect.moves[0][0]
     value = float(fitted.table[joint, column])
     weights = fitted.unknowns.basis.reshape(fitted.unknowns.count, -1, WIDTH)[:, joint, column]
     std = max(float(weights @ fitted.covariance @ weights), 0.0) ** 0.5
@@ -177,9 +174,9 @@ def _candidates(found: _OfLimb, most: float) -> list[ServoCandidate]:
     names, out = found.limb.chain.joint_names, []
     for of_round in found.rounds:
         for each in of_round.verdicts.faults:
-            place = each.fitted.place
-            if place is None or each in found.stated:
+            if each in found.stated:
                 continue
+            place = each.place
             joint = None if place.joint is None else names[place.joint]
             reason = "in the corrected model, but not stated: see the notes"
             if each.probability < LISTED:
@@ -217,15 +214,8 @@ def _where(
         for place, joint in enumerate(limb.joints):
             share = float(errors[1, joint] ** 2 / total) if total > 0 else 0.0
             regime = _regime(square[:, place], speed[:, place])
-            out.append(
-                ServoShare(
-                    robot.joint_names[joint],
-                    share,
-                    regime,
-                    float(errors[1, joint]),
-                    float(errors[3, joint]),
-                )
-            )
+            left, noise = float(errors[1, joint]), float(errors[3, joint])
+            out.append(ServoShare(robot.joint_names[joint], share, regime, left, noise))
     return tuple(sorted(out, key=lambda each: -each.share))
 
 

@@ -54,6 +54,12 @@ class Weighed:
     log_factor: float
     spared: float
 
+    @property
+    def place(self) -> Place:
+        """Where the effect acts."""
+        assert self.fitted.place is not None
+        return self.fitted.place
+
 
 @dataclass(frozen=True)
 class Verdicts:

@@ -22,8 +22,8 @@ class ServoFault:
     effect: str
     joint: str | None
     joints: tuple[str, ...]
-    law: str
     probability: float
+    law: str
     parameters: dict[str, Quantity]
     confusable_with: tuple[str, ...]
     held_out_share: float

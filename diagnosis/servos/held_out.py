@@ -89,8 +89,7 @@ def judged(
 
 def _beside_another(accepted: Sequence[Weighed]) -> list[Weighed]:
     """The effects at a joint that has one already; the likeliest comes first."""
-    places = [(each, each.fitted.place) for each in accepted]
-    own = [(each, place.joint) for each, place in places if place is not None and place.joint is not None]
+    own = [(each, each.place.joint) for each in accepted if each.place.joint is not None]
     return [each for index, (each, joint) in enumerate(own) if joint in [at for _, at in own[:index]]]
 
 
@@ -108,16 +107,12 @@ def _explains(each: Weighed, parameters: Array, effects: Array, noise: Array) ->
 
     Of what re-identified parameters take in, it is the shift of these that goes with it.
     """
-    place = each.fitted.place
-    assert place is not None
-    own = np.arange(len(noise)) if place.joint is None else np.array([place.joint])
+    own = each.place.joints(len(noise))
     before, after, floor = (float(np.sum(part[own] ** 2)) for part in (parameters, effects, noise))
     share = (before - after) / max(before - floor, 1e-300)
     return before <= ABOVE_NOISE**2 * floor or share_explained(share, each.spared) >= HALF
 
 
 def _in_words(each: Weighed, limb: Limb) -> str:
-    place = each.fitted.place
-    assert place is not None
-    where = "" if place.joint is None else f" at {limb.chain.joint_names[place.joint]}"
-    return f"{place.effect.title}{where}"
+    joint = each.place.joint
+    return each.place.effect.title + ("" if joint is None else f" at {limb.chain.joint_names[joint]}")

@@ -29,6 +29,15 @@ class Place:
     joint: int | None
     law: Law
 
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """Effect and joint, whatever the law."""
+        return self.effect.name, self.joint
+
+    def joints(self, count: int) -> list[int]:
+        """The joints of a limb of so many that it acts on."""
+        return list(range(count)) if self.joint is None else [self.joint]
+
 
 def places(kd: Array, without: Sequence[str] = ()) -> list[Place]:
     """Every effect by every law at every joint, and at the whole limb. kd: (n,) as stated."""
@@ -57,8 +66,7 @@ def grid(effect: DriveEffect) -> Array:
 def direction(place: Place, sizes: Sizes, joints: int) -> Array:
     """Change of the table, (n, WIDTH), by one unit of an effect's size."""
     out = np.zeros((joints, WIDTH))
-    own = range(joints) if place.joint is None else [place.joint]
-    for joint in own:
+    for joint in place.joints(joints):
         for column, weight in place.effect.moves:
             out[joint, column] = weight * sizes.scales[place.effect.scale][joint]
     return out
@@ -68,7 +76,7 @@ def with_effect(unknown: Unknowns, place: Place, sizes: Sizes, size: float | Non
     """The unknowns with an effect at a place: one more, or none where its size is held."""
     joints = len(unknown.origin)
     origin = unknown.origin.copy()
-    for joint in range(joints) if place.joint is None else [place.joint]:
+    for joint in place.joints(joints):
         for column, value, scale in place.law.fixed:
             origin[joint, column] = value * sizes.scales[scale][joint]
     moved = direction(place, sizes, joints)

@@ -20,13 +20,14 @@ from testbench.model_reading.reading import Choice
 from testbench.progress import steps
 from testbench.robot import Robot, load_robot, print_notes
 
+from ..correction.correction_document import DOCUMENT
 from .diagnose import diagnose_servos
 from .document import servo_document
 from .findings import ServoDiagnosis
 from .page import write_servo_report
 
 # What is left in a folder of results.
-WRITTEN = ("corrected.xml", "diagnosis.json", ESTIMATE, "report.html")
+WRITTEN = ("corrected.xml", DOCUMENT, ESTIMATE, "report.html")
 # Relative deviation of the gains of a drive in order, where none is stated: firmware counts exactly, and
 # torque constants hold to some percent.
 IN_ORDER = 0.03
@@ -55,7 +56,7 @@ def diagnose_servo_logs(
     Raises InputError.
     """
     _require_effects(without)
-    require_writable(out / "diagnosis.json")
+    require_writable(out / DOCUMENT)
     robot = load_robot(model, choice, joint_names)
     print_notes(robot)
     read = read_servo_logs(logs, robot, stated, map_path)
@@ -95,7 +96,7 @@ def write_results(diagnosis: ServoDiagnosis, runs: Sequence[ServoRun], out: Path
     errors = [Errors("validation", diagnosis.given, diagnosis.corrected)]
     write_json(drives_document(diagnosis.found, errors, remarks_on(diagnosis.found), ()), out / ESTIMATE)
     write_servo_report(diagnosis, runs, lacks, out / "report.html")
-    write_json(servo_document(diagnosis, lacks), out / "diagnosis.json")
+    write_json(servo_document(diagnosis, lacks), out / DOCUMENT)
 
 
 def _require_effects(names: Sequence[str]) -> None:

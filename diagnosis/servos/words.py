@@ -5,6 +5,7 @@ from rich.text import Text
 
 from testbench.drives.effects import drive_effects
 from testbench.findings import significant
+from testbench.summary import labelled_line
 from testbench.terminal import console
 
 from .findings import ServoDiagnosis, ServoFault
@@ -18,8 +19,7 @@ STATED = 0.5
 def sentence(diagnosis: ServoDiagnosis) -> str:
     """The verdict in one sentence."""
     given, parameters, corrected = (
-        f"{significant(1e3 * _pooled(each), 3)} mrad"
-        for each in (diagnosis.given, diagnosis.parameters, diagnosis.corrected)
+        f"{milli(each)} mrad" for each in (diagnosis.given, diagnosis.parameters, diagnosis.corrected)
     )
     halves = "RMS on halves that were not fitted"
     if diagnosis.verdict == "effect":
@@ -68,6 +68,11 @@ def title(each: ServoFault) -> str:
     return f"{labelled(each.effect, each.joint if each.joint else ', '.join(each.joints))}, {figures}"
 
 
+def confusable(each: ServoFault) -> str:
+    """Titles of the effects that these runs do not tell from one; empty where there are none."""
+    return ", ".join(drive_effects()[name].title for name in each.confusable_with)
+
+
 def labelled(effect: str, joint: str | None) -> str:
     """An effect's title and its joint."""
     return f"{drive_effects()[effect].title.lower()} at {joint or 'all joints'}"
@@ -86,33 +91,29 @@ def print_servo_summary(diagnosis: ServoDiagnosis) -> None:
         f"{each.joint} {each.share:.0%} ({each.regime}, {significant(1e3 * each.gap_rms, 3)} mrad)"
         for each in diagnosis.where[:MOST]
     )
-    lines.append(_line("where", where))
+    lines.append(labelled_line("where", where))
     for each in diagnosis.effects[:MOST]:
-        lines.append(_line("effect", f"{title(each)}: {each.probability:.0%}"))
+        lines.append(labelled_line("effect", f"{title(each)}: {each.probability:.0%}"))
         if each.confusable_with:
-            others = ", ".join(drive_effects()[name].title.lower() for name in each.confusable_with)
-            lines.append(_line("open", f"these runs hardly tell it from {others}"))
+            lines.append(labelled_line("open", f"these runs hardly tell it from {confusable(each).lower()}"))
     listed = diagnosis.candidates[:MOST]
     if listed:
         weighed = [f"{labelled(each.effect, each.joint)} ({each.probability:.0%})" for each in listed]
-        lines.append(_line("not", "; ".join(weighed)))
+        lines.append(labelled_line("not", "; ".join(weighed)))
     figures = (diagnosis.given, diagnosis.parameters, diagnosis.corrected, diagnosis.noise)
-    given, parameters, corrected, noise = (significant(1e3 * _pooled(each), 3) for each in figures)
+    given, parameters, corrected, noise = map(milli, figures)
     lines.append(
-        _line(
+        labelled_line(
             "gap",
             f"{given} given → {parameters} re-identified → {corrected} with effects, noise {noise}; mrad",
         )
     )
     if diagnosis.experiment is not None:
-        lines.append(_line("next", diagnosis.experiment.why))
-    lines += [_line("note", each) for each in diagnosis.notes]
+        lines.append(labelled_line("next", diagnosis.experiment.why))
+    lines += [labelled_line("note", each) for each in diagnosis.notes]
     console().print(Text("\n").join(lines), soft_wrap=True)
 
 
-def _line(label: str, text: str) -> Text:
-    return Text.assemble((f"{label:8}", "dim"), text)
-
-
-def _pooled(rms: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(rms**2)))
+def milli(rms: np.ndarray) -> str:
+    """The RMS of all joints together, in thousandths: mrad (mm) of (n,) rad (m)."""
+    return significant(1e3 * float(np.sqrt(np.mean(rms**2))), 3)

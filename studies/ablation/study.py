@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from testbench.files import read_json, replacing, require_writable, write_json
+from testbench.files import read_json, require_writable, write_json, write_text
 
 from ..plants import plants
 from .rules import rules
@@ -59,8 +59,7 @@ def leave(out: Path, traces: Mapping[str, Any]) -> dict[str, Any]:
     }
     table = tabulated(traces, runs)
     write_json(table, out / TABLE)
-    with replacing(out / PAGE) as temporary:
-        temporary.write_text(page(table), encoding="utf-8")
+    write_text(page(table), out / PAGE)
     print(f"{out / PAGE}: {len(table['rules'])} rules on {len(traces)} cases")
     return table
 

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from diagnosis.correction.corrected_model import Corrected
+from diagnosis.correction.correction_document import Corrected
 from diagnosis.correction.prediction import PredictedTorque, predict_torque
 from diagnosis.data.decimation import decimating_filter
-from diagnosis.data.preparation import prepare
-from diagnosis.data.run import DEAD_ZONE, REACH_PERIODS, filter_cutoff
+from diagnosis.data.preparation import REACH_PERIODS, prepare
+from diagnosis.data.run import DEAD_ZONE, filter_cutoff
 from diagnosis.fit.normal_equations import fit
 from diagnosis.held_out.shrinkage import everything
 from diagnosis.model.hypothesis import design

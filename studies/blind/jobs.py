@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from diagnosis.correction.prediction import DOCUMENT, read_diagnosed
+from diagnosis.correction.correction_document import DOCUMENT
+from diagnosis.correction.prediction import read_diagnosed
 from identification.errors import InputError
 from testbench.files import read_json, replacing, require_writable, write_json
 from testbench.log import read_log

@@ -7,7 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagnosis.correction.prediction import DOCUMENT, read_diagnosed
+from diagnosis.correction.correction_document import DOCUMENT
+from diagnosis.correction.prediction import read_diagnosed
 from diagnosis.diagnose import diagnose
 from diagnosis.report.document import write_diagnosis
 from identification.errors import InputError

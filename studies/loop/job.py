@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from diagnosis.correction.prediction import DOCUMENT
+from diagnosis.correction.correction_document import DOCUMENT
 from diagnosis.experiment.discriminating_motion import FILE
 from diagnosis.job import diagnose_logs
 from identification.errors import InputError

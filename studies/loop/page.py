@@ -1,17 +1,14 @@
 """report.html of a loop: what each round said, what was proposed, and what acts."""
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from identification.excitation.trajectory import Trajectory
-from testbench.files import replacing
-from testbench.report.page import Tile, page_environment, plot
+from testbench.files import write_text
+from testbench.report.page import Tile, plot, rendered, time_stamp
 from testbench.robot import Robot
 
 from . import figures, wording
@@ -24,34 +21,30 @@ def write_page(found: Outcome, robot: Robot, motions: Sequence[Trajectory], path
     """Write the page, whole or not at all. motions: of each round, the first of those that it ran."""
     units = ["m" if slide else "rad" for slide in robot.chain.is_slide]
     proposed = found.follow == "proposed"
-    text = (
-        page_environment("studies.loop", "testbench.report")
-        .get_template("loop.html")
-        .render(
-            name=found.name,
-            robot=found.robot,
-            created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-            headline=wording.headline(found),
-            tiles=_tiles(found),
-            rounds=[_row(each) for each in found.rounds],
-            acts=[wording.truth(*each) for each in zip(found.acts, found.values, strict=True)],
-            found=[wording.estimated(each) for each in found.rounds[-1].document["effects"]],
-            probabilities=plot("probabilities", "", figures.probabilities(found)),
-            motions=[
-                plot(
-                    f"motion-{number}",
-                    f"Run in round {number}" + (f", proposed after round {number - 1}" if proposed else ""),
-                    figures.motions(robot.joint_names, units, motions[0], motion, number),
-                )
-                for number, motion in enumerate(motions[1:], start=2)
-            ],
-            extents=[_extent(number, motion) for number, motion in enumerate(motions, start=1)],
-            joints=[f"{name}, {unit}" for name, unit in zip(robot.joint_names, units, strict=True)],
-            plotly=Markup(get_plotlyjs()),
-        )
+    text = rendered(
+        "loop.html",
+        ("studies.loop", "testbench.report"),
+        time_stamp(),
+        name=found.name,
+        robot=found.robot,
+        headline=wording.headline(found),
+        tiles=_tiles(found),
+        rounds=[_row(each) for each in found.rounds],
+        acts=[wording.truth(*each) for each in zip(found.acts, found.values, strict=True)],
+        found=[wording.estimated(each) for each in found.rounds[-1].document["effects"]],
+        probabilities=plot("probabilities", "", figures.probabilities(found)),
+        motions=[
+            plot(
+                f"motion-{number}",
+                f"Run in round {number}" + (f", proposed after round {number - 1}" if proposed else ""),
+                figures.motions(robot.joint_names, units, motions[0], motion, number),
+            )
+            for number, motion in enumerate(motions[1:], start=2)
+        ],
+        extents=[_extent(number, motion) for number, motion in enumerate(motions, start=1)],
+        joints=[f"{name}, {unit}" for name, unit in zip(robot.joint_names, units, strict=True)],
     )
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(text, path)
 
 
 def _tiles(found: Outcome) -> list[Tile]:

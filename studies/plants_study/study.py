@@ -13,7 +13,7 @@ from typing import Any
 from diagnosis.diagnose import diagnose
 from diagnosis.report.document import diagnosis_document
 from identification.errors import InputError
-from testbench.files import read_json, replacing, require_writable, write_json
+from testbench.files import read_json, require_writable, write_json, write_text
 from testbench.robot import load_robot
 from testbench.runs import read_runs
 
@@ -59,8 +59,7 @@ def study(out: Path, robots: int = 60, seed: int = 0, jobs: int | None = None) -
     scores = scored(rows)
     write_json(scores, out / SCORES)
     for place, text in ((PAGE, page(scores)), (TABLE, _csv(rows))):
-        with replacing(out / place) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_text(text, out / place)
     print(f"{out / PAGE}: {len(rows)} robots")
     for line in headline(scores["all"]):
         print(line)

@@ -7,7 +7,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from testbench.files import replacing
+from testbench.files import write_text
 
 from ..cases import run_cases
 from .judge import STATED, Outcome, judge, wrong_names
@@ -25,10 +25,8 @@ def study(plan: Path, data: Path, out: Path, jobs: int | None = None) -> list[Ou
     splits = load_plan(plan, data)
     rows = run_cases(_work, {split.key: split for split in splits}, out / "results", jobs)
     outcomes = [_outcome(row) for row in rows]
-    with replacing(out / "recordings.md") as temporary:
-        temporary.write_text(table(splits, outcomes), encoding="utf-8")
-    with replacing(out / "recordings.csv") as temporary:
-        temporary.write_text(_csv(outcomes), encoding="utf-8")
+    write_text(table(splits, outcomes), out / "recordings.md")
+    write_text(_csv(outcomes), out / "recordings.csv")
     failed = [each for each in outcomes if each.error]
     worse = [each for each in outcomes if not each.error and each.is_worse]
     wrong = [each for split, each in zip(splits, outcomes, strict=True) if wrong_names(split, each)]

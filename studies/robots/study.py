@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from identification.errors import InputError
-from testbench.files import replacing
+from testbench.files import write_text
 
 from ..cases import run_cases
 from .judge import EFFECT, Outcome, judge
@@ -28,8 +28,7 @@ def study(models: Path, out: Path, jobs: int | None = None) -> list[Outcome]:
         Outcome(**row | {key: tuple(row[key]) for key in ("notes", "healthy", "affected")}) for row in rows
     ]
     outcomes.sort(key=lambda each: each.model)
-    with replacing(out / "robots.md") as temporary:
-        temporary.write_text(table(outcomes), encoding="utf-8")
+    write_text(table(outcomes), out / "robots.md")
     works = [each for each in outcomes if each.works]
     print(f"{out / 'robots.md'}: {len(works)} of {len(outcomes)} models work")
     return outcomes

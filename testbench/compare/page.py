@@ -2,16 +2,13 @@
 
 import importlib
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
-from ..files import replacing
+from ..files import write_text
 from ..findings import significant
-from ..report.page import Plot, page_environment, plot
+from ..report.page import Plot, plot, rendered, time_stamp
 from ..scenario import Scenario
 from . import figures
 from .case import Row
@@ -54,25 +51,21 @@ def write_page(
     simulated = [row for row in rows if row["choice"] != ALONE and row["level"] != RECORDED]
     choices = tuple(dict.fromkeys(str(row["choice"]) for row in simulated))
     recorded = [row for row in rows if row["level"] == RECORDED]
-    text = (
-        page_environment("testbench.report")
-        .get_template("compare.html")
-        .render(
-            title=TITLES[question],
-            model=scenario.model.name,
-            created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-            cases=len(rows),
-            verdict=verdict,
-            plots=_plots(question, simulated, choices, levels, metrics)
-            + _alone(rows)
-            + _recorded(recorded, choices),
-            tables=[(level, _table(simulated, choices, level, metrics)) for level in levels]
-            + ([("recorded", _table(recorded, choices, RECORDED, RECORDED_METRICS))] if recorded else []),
-            plotly=Markup(get_plotlyjs()),
-        )
+    text = rendered(
+        "compare.html",
+        ("testbench.report",),
+        time_stamp(),
+        title=TITLES[question],
+        model=scenario.model.name,
+        cases=len(rows),
+        verdict=verdict,
+        plots=_plots(question, simulated, choices, levels, metrics)
+        + _alone(rows)
+        + _recorded(recorded, choices),
+        tables=[(level, _table(simulated, choices, level, metrics)) for level in levels]
+        + ([("recorded", _table(recorded, choices, RECORDED, RECORDED_METRICS))] if recorded else []),
     )
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(text, path)
 
 
 RECORDED_METRICS = ("validation_residual", "fit_residual", "seconds")

@@ -15,7 +15,7 @@ from typing_extensions import TypedDict
 from identification.errors import InputError
 
 from ..containment.shape import require_shape
-from ..files import read_json, replacing
+from ..files import read_json, write_text
 from ..processes import process_pool
 from .case import Case, Row, run_case
 
@@ -53,8 +53,7 @@ def run_cases(
 def _keep(case: Case, row: Row, place: Path) -> None:
     """Write a finished case, whole or not at all."""
     document = {"question": case.question, "settings": case.settings, "row": row}
-    with replacing(place) as temporary:
-        temporary.write_text(json.dumps(document, ensure_ascii=False, indent=1), encoding="utf-8")
+    write_text(json.dumps(document, ensure_ascii=False, indent=1), place)
 
 
 class _Row(TypedDict):

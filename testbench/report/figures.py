@@ -17,6 +17,7 @@ from .style import (
     MEASURED,
     MUTED,
     OUTSIDE,
+    POINTS,
     PREDICTED,
     RESIDUAL,
     TEMPLATE,
@@ -38,8 +39,6 @@ JOINT_COLOURS = (
     "#17becf",
     "#bcbd22",
 )
-POINTS = 1200
-VELOCITY_BINS, FEWEST_SAMPLES = 25, 3
 LONGEST_LAG = 0.5
 SPECTRUM_SEGMENT = 128
 
@@ -216,7 +215,7 @@ def residual_against_velocity(
             marker={"size": 2.5, "color": MUTED, "opacity": 0.6},
             **where,
         )
-        centre, mean = binned_mean(velocity, residual, VELOCITY_BINS, FEWEST_SAMPLES)
+        centre, mean = binned_mean(velocity, residual)
         figure.add_scatter(
             x=single(centre),
             y=single(mean),

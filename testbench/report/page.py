@@ -1,6 +1,6 @@
 """report.html: one page that needs nothing but a browser."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,7 +12,7 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from identification.statistics import PERIODS_A_LAG, SIGNIFICANCE
-from testbench.files import replacing
+from testbench.files import write_text
 from testbench.findings import (
     AT_NOISE_FLOOR,
     TorqueError,
@@ -55,9 +55,7 @@ def write_report(
 
     excitation: figures of the designed trajectory to list by name, such as its criteria and margins.
     """
-    text = render(result, excitation, datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"))
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(render(result, excitation, time_stamp()), path)
 
 
 def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, created: str) -> str:
@@ -71,11 +69,12 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
     judged = figures.judged_run(result)
     runs = [("validation", run) for run in result.validations] + [("fit", run) for run in result.fits]
     slides = robot.chain.is_slide
-    template = page_environment("testbench.report").get_template("report.html")
-    return template.render(
+    return rendered(
+        "report.html",
+        ("testbench.report",),
+        created,
         robot=robot.name,
         model=robot.described,
-        created=created,
         headline=headline(result),
         left_open=left_open(result),
         log_findings=result.log_findings,
@@ -136,12 +135,19 @@ def render(result: IdentificationResult, excitation: Mapping[str, Any] | None, c
         ],
         excitation=None if not excitation else flatten(excitation),
         provenance=_provenance(result),
-        plotly=Markup(get_plotlyjs()),
     )
 
 
-def page_environment(*packages: str) -> Environment:
-    """Where pages find their templates: the folders ``templates`` of these packages, in this order."""
+def time_stamp() -> str:
+    """The present time as pages have it."""
+    return datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def rendered(template: str, packages: Sequence[str], created: str, **content: Any) -> str:
+    """A page as text, plotly in it. created: of ``time_stamp``.
+
+    packages: in whose folders ``templates`` pages are sought, in this order.
+    """
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package) for package in packages]),
         autoescape=True,
@@ -150,7 +156,8 @@ def page_environment(*packages: str) -> Environment:
         lstrip_blocks=True,
     )
     environment.filters["significant"] = significant
-    return environment
+    page = environment.get_template(template)
+    return page.render(created=created, plotly=Markup(get_plotlyjs()), **content)
 
 
 def plot(name: str, caption: str, figure: go.Figure) -> Plot:

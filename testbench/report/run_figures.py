@@ -1,14 +1,15 @@
 """Plots of one run or one motion over time, as plotly figures."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from .figures import JOINT_COLOURS, POINTS
-from .style import TEMPLATE, envelope, single
+from .figures import JOINT_COLOURS
+from .style import POINTS, TEMPLATE, add_line, envelope
 
 Array = NDArray[np.float64]
 
@@ -56,14 +57,5 @@ def _line(
     figure: go.Figure, row: int, time: Array, values: Array, name: str, colour: str, in_legend: bool
 ) -> None:
     kept = envelope(POINTS, values)
-    figure.add_scatter(
-        x=single(time[kept]),
-        y=single(values[kept]),
-        name=name,
-        legendgroup=name,
-        showlegend=in_legend,
-        mode="lines",
-        line={"color": colour, "width": 1.4},
-        row=row,
-        col=1,
-    )
+    where: dict[str, Any] = {"row": row, "col": 1, "legendgroup": name, "showlegend": in_legend}
+    add_line(figure, time[kept], values[kept], name, colour, **where)

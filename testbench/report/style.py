@@ -1,6 +1,7 @@
 """What all plots share: colours and axes, and points thinned so that nothing that matters is lost."""
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -34,6 +35,12 @@ TEMPLATE = go.layout.Template(
 )
 
 
+# Samples of a line, or dots of a cloud, that are drawn.
+POINTS = 1200
+# Of a mean over a quantity, and samples that one of them needs.
+BINS, FEWEST = 25, 3
+
+
 def envelope(points: int, *channels: Array) -> NDArray[np.int64]:
     """Indices of about ``points`` samples that keep every channel's extremes, ascending.
 
@@ -56,13 +63,21 @@ def single(values: NDArray[np.floating]) -> NDArray[np.float32]:
     return np.asarray(values, dtype=np.float32)
 
 
-def binned_mean(x: Array, y: Array, bins: int, fewest: int) -> tuple[Array, Array]:
-    """Centres and means of the bins of x that hold at least the fewest samples."""
+def add_line(
+    figure: go.Figure, x: Array, y: Array, name: str, colour: str, width: float = 1.4, **of_trace: Any
+) -> None:
+    """Add a line through all points x and y (K,) to a figure. of_trace: plotly's options of the trace."""
+    line = {"color": colour, "width": width}
+    figure.add_scatter(x=single(x), y=single(y), name=name, mode="lines", line=line, **of_trace)
+
+
+def binned_mean(x: Array, y: Array) -> tuple[Array, Array]:
+    """Centres and means of the bins of x that hold enough samples."""
     if len(x) == 0:
         return np.empty(0), np.empty(0)
-    edges = np.linspace(x.min(), x.max(), bins + 1)
-    index = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
-    counts = np.bincount(index, minlength=bins)
-    sums = np.bincount(index, weights=y, minlength=bins)
-    full = counts >= fewest
+    edges = np.linspace(x.min(), x.max(), BINS + 1)
+    index = np.clip(np.digitize(x, edges) - 1, 0, BINS - 1)
+    counts = np.bincount(index, minlength=BINS)
+    sums = np.bincount(index, weights=y, minlength=BINS)
+    full = counts >= FEWEST
     return ((edges[:-1] + edges[1:]) / 2)[full], sums[full] / counts[full]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from diagnosis.correction.corrected_model import corrected_model
-from diagnosis.decision.findings import Gap
 from diagnosis.diagnose import diagnose
 from diagnosis.report.sentence import shrunk_in_words
 from identification.errors import InputError
@@ -14,7 +13,7 @@ from studies.blind.hidden import hidden_error
 from testbench.effects import parse_injection
 from testbench.log import read_log
 from testbench.robot import load_robot
-from tests.diagnosed import simulated_runs
+from tests.diagnosed import exact_gap, simulated_runs
 from tests.small_arm import PENDULUM, SCARA, small_arm
 
 
@@ -82,7 +81,7 @@ def test_the_effect_and_its_joint_are_named_and_the_gap_closes(arm, text, joint)
 def test_what_effects_explain_is_told_of_their_joint_where_others_hide_it(
     arm, parameters, effects, floor, expected
 ):
-    gap = Gap(*map(np.array, ([9.0, 2.0], parameters, effects, floor)))
+    gap = exact_gap(*map(np.array, ([9.0, 2.0], parameters, effects, floor)))
     assert shrunk_in_words(arm, 1, gap).startswith(expected)
 
 

@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 
 from diagnosis.correction.corrected_mjcf import write_corrected
-from diagnosis.correction.corrected_model import (
-    Corrected,
-    corrected_model,
-    correction_document,
-    read_correction,
-)
+from diagnosis.correction.corrected_model import corrected_model
+from diagnosis.correction.correction_document import Corrected, correction_document, read_correction
 from diagnosis.correction.prediction import predict_torque
 from diagnosis.diagnose import diagnose
 from identification.base_parameters import base_parameters

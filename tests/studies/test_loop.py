@@ -37,7 +37,8 @@ def scenario_file(tmp_path_factory):
 @pytest.fixture(scope="module")
 def closed(scenario_file):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("diagnosis.experiment.discriminating_motion.KINDS", ((0.25, 5), (0.25, 12)))
+        patch.setattr("diagnosis.experiment.discriminating_motion.FREQUENCY", 0.25)
+        patch.setattr("diagnosis.experiment.discriminating_motion.HARMONICS", (5, 12))
         patch.setattr("diagnosis.experiment.discriminating_motion.DRAWS", 2)
         patch.setattr("diagnosis.experiment.discriminating_motion.IMPROVEMENTS", 4)
         return close_loop(scenario_file, scenario_file.parent / "out"), scenario_file.parent / "out"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from diagnosis.data import mended_log, preparation
-from diagnosis.data.preparation import prepare
-from diagnosis.data.run import CUTOFF, REACH_PERIODS
+from diagnosis.data.preparation import REACH_PERIODS, prepare
+from diagnosis.data.run import CUTOFF
 from diagnosis.diagnose import diagnose
 from diagnosis.model.hypothesis import design
 from diagnosis.report.summary import summary

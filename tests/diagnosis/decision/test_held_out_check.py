@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from diagnosis.data.preparation import prepare
-from diagnosis.decision.findings import Gap
 from diagnosis.decision.held_out_check import closed_without_a_name
 from diagnosis.diagnose import diagnose
 from diagnosis.model.candidates import candidates
 from testbench.effects import parse_injection
 
-from ...diagnosed import RATE, simulated_runs
+from ...diagnosed import RATE, exact_gap, simulated_runs
 from ...small_arm import SCARA, small_arm
 from ..accepted_effects import accepted_of
 
@@ -33,7 +32,7 @@ def prepared(arm):
     ],
 )
 def test_a_gap_that_effects_without_a_name_close_is_told_as_unknown(prepared, after, torque, named, expected):
-    gap = Gap(*(np.array([1.0, each]) for each in (10.0, 10.0, after, 0.5)))
+    gap = exact_gap(*(np.array([1.0, each]) for each in (10.0, 10.0, after, 0.5)))
     item = accepted_of(candidates(prepared, only=["stribeck_friction"])[0], named=named)
     found = closed_without_a_name([item], gap, np.array([torque, torque]))
     assert [each.joint for each in found] == expected

@@ -9,13 +9,13 @@ from scipy.stats import t as student
 
 from diagnosis.data.preparation import prepare
 from diagnosis.decision import probability as model
-from diagnosis.decision.findings import Gap, NamedEffect
+from diagnosis.decision.findings import NamedEffect
 from diagnosis.decision.probability import MODEL_HOLDS, ONE_RUN, Size, fault_probability
 from diagnosis.model.candidates import candidates
 from diagnosis.report.sentence import sentence_of
 from testbench.effects.signature import Quantity
 
-from ...diagnosed import simulated_runs
+from ...diagnosed import exact_gap, simulated_runs
 
 EFFECT, ELBOW, RUNS = "cable_spring", 1, 3
 
@@ -96,6 +96,6 @@ def test_the_sentence_says_what_is_as_likely_as_not(arm, spring, probability, al
     first = NamedEffect(EFFECT, ELBOW, None, 1.0, size, spring)
     second = NamedEffect(EFFECT, ELBOW, None, probability, size, spring, confusable_with=alike)
     floor = np.ones(2)
-    gap = Gap(5 * floor, np.array([2.0, 4.0]), floor, floor)
+    gap = exact_gap(5 * floor, np.array([2.0, 4.0]), floor, floor)
     sentence = sentence_of(arm, "effect", [first, second], (), gap, np.full(arm.joints, 10.0))
     assert sentence.startswith(f"The gap comes from {told}")

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.correction.prediction import DOCUMENT, predict_torque, read_diagnosed
+from diagnosis.correction.correction_document import DOCUMENT
+from diagnosis.correction.prediction import predict_torque, read_diagnosed
 from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
 from diagnosis.fit.encoder_zeros import likeliest_zero

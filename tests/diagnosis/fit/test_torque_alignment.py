@@ -7,11 +7,12 @@ import pytest
 
 from diagnosis.correction.corrected_model import corrected_model
 from diagnosis.correction.prediction import predict_torque
-from diagnosis.data.preparation import Prepared, prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.data.run import Prepared
 from diagnosis.diagnose import diagnose
 from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.torque_alignment import aligned, lateness
-from diagnosis.report import words
+from diagnosis.report import notes
 from testbench.effects import parse_injection
 from testbench.log import Recording
 from testbench.torque_lag import IN_TIME, TorqueLag
@@ -65,7 +66,7 @@ def test_a_low_pass_is_found_with_its_corner_and_taken_back(arm, healthy_runs, o
     half = 0.5e-3 / TorqueLag(order=order, time_constant=1.0).seconds
     assert own.time_constant == pytest.approx(lag.time_constant, abs=half)
     assert found.verdict in ("none", "parameters")
-    assert f"as through a low-pass at {own.corner:.3g} Hz" in words.late(found)[0]
+    assert f"as through a low-pass at {own.corner:.3g} Hz" in notes.late(found)[0]
     model, rate = corrected_model(found), healthy_runs["run_1"].sample_rate
     foretold, logged = predict_torque(model, passed["run_1"]).corrected, passed["run_1"].torque
     settled = slice(int(0.2 * rate), None)
@@ -76,8 +77,8 @@ def test_a_low_pass_is_found_with_its_corner_and_taken_back(arm, healthy_runs, o
 def test_lateness_is_no_effect_of_a_healthy_robot(arm, healthy_runs):
     found = diagnose(arm, _late(healthy_runs, LATE))
     assert found.verdict in ("none", "parameters")
-    assert "ms late" in words.late(found)[0]
-    assert not words.late(diagnose(arm, healthy_runs))
+    assert "ms late" in notes.late(found)[0]
+    assert not notes.late(diagnose(arm, healthy_runs))
 
 
 def test_an_effect_is_named_in_late_logs_and_predicted_as_late(arm):

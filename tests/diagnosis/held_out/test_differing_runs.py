@@ -7,8 +7,10 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.held_out.differing_runs import FRICTION, OFFSETS, PAYLOAD, in_words, without_differences
+from diagnosis.held_out.difference import FRICTION, OFFSETS, PAYLOAD
+from diagnosis.held_out.differing_runs import without_differences
 from diagnosis.job import diagnose_logs
+from diagnosis.report.notes import differences as in_words
 from identification.errors import InputError
 from testbench.effects import parse_injection
 from testbench.robot import Robot
@@ -44,7 +46,7 @@ def test_a_tool_in_one_run_is_weighed_within_five_per_cent(arm, effects):
     empty = prepare(arm, runs).runs[1]
     left = alike.runs[1].torque - empty.torque
     assert np.sqrt(np.mean(left**2)) < 0.1 * np.sqrt(np.mean(empty.torque**2))
-    assert in_words([found], arm.joint_names, arm.units())[0].startswith("run_2 carries ")
+    assert in_words([found], arm)[0].startswith("run_2 carries ")
 
 
 def test_a_tool_of_known_mass_tells_the_gains_of_the_drives(arm):
@@ -60,7 +62,7 @@ def test_a_tool_of_known_mass_tells_the_gains_of_the_drives(arm):
     assert np.all(np.abs(found.gains - list(gains.values())) < 4 * found.deviations)
     left = alike.runs[1].torque - prepare(arm, empty).runs[1].torque
     assert np.sqrt(np.mean(left**2)) < 0.05 * np.sqrt(np.mean(alike.runs[1].torque ** 2))
-    said = in_words([found], arm.joint_names, arm.units())[0]
+    said = in_words([found], arm)[0]
     assert said.startswith("By the 2 kg that run_2 carries, true over reported torque is shoulder 0.9")
 
 
@@ -85,7 +87,7 @@ def test_tools_in_most_of_the_runs_are_each_weighed(arm, loaded_runs):
         assert each.mass is not None
         assert each.mass.value == pytest.approx(TOOLS[each.run], rel=0.05)
     assert without_differences(alike)[1] == ()
-    (said,) = in_words(found, arm.joint_names, arm.units())
+    (said,) = in_words(found, arm)
     assert said.startswith("run_2 carries ")
     assert ", run_6 " in said
 
@@ -97,7 +99,7 @@ def test_tools_of_known_masses_tell_the_gains_together(arm, loaded_runs):
         assert each.gains is not None
         np.testing.assert_allclose(each.gains, 0.0, atol=0.01)
     assert without_differences(alike)[1] == ()
-    (said,) = in_words(found, arm.joint_names, arm.units())
+    (said,) = in_words(found, arm)
     assert said.startswith("By the 1 kg that run_2 carries and the 2 kg that run_3 carries and ")
 
 
@@ -114,7 +116,7 @@ def test_another_days_offsets_are_found(arm):
     _, (found,) = without_differences(prepare(arm, runs))
     assert (found.run, found.kind) == ("run_3", OFFSETS)
     np.testing.assert_allclose(found.offsets, offsets, rtol=0.1)
-    assert "other offsets" in in_words([found], arm.joint_names, arm.units())[0]
+    assert "other offsets" in in_words([found], arm)[0]
 
 
 @pytest.mark.parametrize("count", [2, 3])
@@ -131,7 +133,7 @@ def test_a_warm_run_among_cold_ones_is_found_by_its_friction(arm, tmp_path, coun
     cold = prepare(arm, simulated_runs(arm, [], runs=count)).runs[1]
     left = alike.runs[1].torque - cold.torque
     assert np.sqrt(np.mean(left**2)) < 0.05 * np.sqrt(np.mean(cold.torque**2))
-    assert "other friction" in in_words([found], arm.joint_names, arm.units())[0]
+    assert "other friction" in in_words([found], arm)[0]
 
 
 def test_a_push_in_one_run_is_named_as_of_that_run_and_hides_no_effect_of_all(arm):

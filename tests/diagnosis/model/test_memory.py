@@ -6,7 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from diagnosis.data.preparation import Prepared, prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.data.run import Prepared
 from diagnosis.model.candidates import Candidate, candidates
 from diagnosis.model.free_functions import generic_candidates
 from identification.inverse_dynamics import inverse_dynamics

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.correction.corrected_model import Term, corrected_model, correction_document, read_correction
+from diagnosis.correction.corrected_model import corrected_model
+from diagnosis.correction.correction_document import Term, correction_document, read_correction
 from diagnosis.correction.prediction import logged_motion, predict, term_torque
 from diagnosis.data.preparation import prepare
-from diagnosis.decision.findings import Diagnosis, Gap
+from diagnosis.decision.findings import Diagnosis
 from diagnosis.job import diagnose_logs
 from diagnosis.report.document import write_diagnosis
 from diagnosis.residual.spectrum import above_band
@@ -18,7 +19,7 @@ from identification.errors import InputError
 from testbench.log import CHANNELS, Recording, read_log, write_log
 from testbench.robot import Robot
 
-from ...diagnosed import diagnosed
+from ...diagnosed import diagnosed, exact_gap
 from .arm import ARM, LIFT
 
 
@@ -65,7 +66,7 @@ def test_over_all_frequencies_is_told_what_the_torque_has_above_the_band(
         above_band(prepare(robot, {"run_1": each})) for each in (run, replace(run, torque=run.torque + hum))
     )
     np.testing.assert_allclose(after, np.hypot(before, 2.0 / np.sqrt(2)), rtol=0.02)
-    gap = Gap(*np.array([[9.0], [4.0], [3.0], [1.0]]), above=np.array([4.0]))
+    gap = replace(exact_gap(*np.array([[9.0], [4.0], [3.0], [1.0]])), above=np.array([4.0]))
     assert gap.over_all(gap.effects) == 5.0
 
 

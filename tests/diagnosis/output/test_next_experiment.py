@@ -19,10 +19,11 @@ from ...diagnosed import diagnosed
 
 
 def _designed_quickly(
-    patch: pytest.MonkeyPatch, *kinds: tuple[float, int], improvements: int = 2, better: float = 2.0
+    patch: pytest.MonkeyPatch, frequency: float, *harmonics: int, improvements: int = 2, better: float = 2.0
 ) -> None:
     """Few kinds of motion and improvements; a motion is worth it that is so many times better."""
-    patch.setattr("diagnosis.experiment.discriminating_motion.KINDS", kinds)
+    patch.setattr("diagnosis.experiment.discriminating_motion.FREQUENCY", frequency)
+    patch.setattr("diagnosis.experiment.discriminating_motion.HARMONICS", harmonics)
     patch.setattr("diagnosis.experiment.discriminating_motion.IMPROVEMENTS", improvements)
     patch.setattr("diagnosis.experiment.discriminating_motion.BETTER", better)
 
@@ -30,7 +31,7 @@ def _designed_quickly(
 def test_next_experiment_parts_the_rivals_further_and_can_be_simulated(
     answer: Diagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    _designed_quickly(monkeypatch, (0.2, 5), (0.2, 12), improvements=6)
+    _designed_quickly(monkeypatch, 0.2, 5, 12, improvements=6)
     found = next_experiment(answer, seed=1)
     assert found is not None
     assert found.excitation is not None
@@ -50,7 +51,7 @@ def test_next_experiment_parts_the_rivals_further_and_can_be_simulated(
 def test_gain_error_asks_for_a_load_not_for_a_motion(
     robot: Robot, runs: dict[str, Recording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    _designed_quickly(monkeypatch, (0.2, 5))
+    _designed_quickly(monkeypatch, 0.2, 5)
     nothing = diagnosed(robot, {"run_1": runs["run_1"]}, [], hidden=(("payload", None),))
     found = next_experiment(nothing)
     assert found is not None
@@ -61,7 +62,7 @@ def test_gain_error_asks_for_a_load_not_for_a_motion(
 def test_what_no_motion_shows_does_not_keep_others_from_being_shown(
     robot: Robot, runs: dict[str, Recording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    _designed_quickly(monkeypatch, (0.2, 12), better=0.0)
+    _designed_quickly(monkeypatch, 0.2, 12, better=0.0)
     hidden = (("payload", None), ("stribeck_friction", 0))
     found = next_experiment(diagnosed(robot, {"run_1": runs["run_1"]}, [], hidden=hidden))
     assert found is not None
@@ -74,7 +75,7 @@ def test_what_no_motion_shows_does_not_keep_others_from_being_shown(
 def test_a_motion_of_another_length_than_the_logs_is_judged(
     robot: Robot, runs: dict[str, Recording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    _designed_quickly(monkeypatch, (0.4, 5))
+    _designed_quickly(monkeypatch, 0.4, 5)
     found = next_experiment(
         diagnosed(robot, {"run_1": runs["run_1"]}, [], hidden=(("transmission_ripple", 0),))
     )
@@ -109,7 +110,7 @@ def test_nothing_open_asks_for_nothing(robot: Robot, answer: Diagnosis) -> None:
 def test_where_the_model_sets_no_limit_the_motion_keeps_to_what_the_runs_reached(
     robot: Robot, runs: dict[str, Recording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    _designed_quickly(monkeypatch, (0.2, 12), better=0.0)
+    _designed_quickly(monkeypatch, 0.2, 12, better=0.0)
     none = np.full(robot.joints, np.inf)
     limits = replace(robot.limits, lower=-none, upper=none, velocity=none, acceleration=none, torque=none)
     free = replace(robot, limits=limits)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter1d
 
-from diagnosis.correction.corrected_model import Term, corrected_model
+from diagnosis.correction.corrected_model import corrected_model
+from diagnosis.correction.correction_document import Term
 from diagnosis.correction.prediction import logged_motion, predict, predict_torque, term_torque
 from diagnosis.data.run import DEAD_ZONE
 from diagnosis.decision.findings import Diagnosis

@@ -11,12 +11,15 @@ from diagnosis.report.summary import summary
 from diagnosis.report.words import where
 from testbench.robot import Robot
 
+from ...diagnosed import exact_gap
+
 TORQUE = np.array([10.0, 100.0, 20.0])
 
 
 def _gap(left: tuple[float, ...], noise: tuple[float, ...], unseen: bool = False) -> Gap:
     """A gap whose re-identified parameters leave this of each joint, N·m."""
-    return Gap(2 * np.array(left), np.array(left), np.array(left), np.array(noise), unseen=np.full(3, unseen))
+    gap = exact_gap(2 * np.array(left), np.array(left), np.array(left), np.array(noise))
+    return replace(gap, unseen=np.full(3, unseen))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from diagnosis.report.words import noise_unseen, parameters, quantity
+from diagnosis.report.notes import noise_unseen
+from diagnosis.report.words import parameters, quantity
 from testbench.effects.signature import Quantity
 
 from ...diagnosed import diagnosed

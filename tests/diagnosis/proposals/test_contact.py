@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.data.preparation import Prepared, prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.data.run import Prepared
 from diagnosis.diagnose import diagnose
 from diagnosis.fit.normal_equations import fitted_to, squares
 from diagnosis.fit.score import Stage

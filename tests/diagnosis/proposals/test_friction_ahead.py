@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from diagnosis.correction.corrected_mjcf import write_corrected
-from diagnosis.correction.corrected_model import corrected_model, correction_document, read_correction
+from diagnosis.correction.corrected_model import corrected_model
+from diagnosis.correction.correction_document import correction_document, read_correction
 from diagnosis.correction.prediction import predict_torque
 from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
-from diagnosis.report.words import near_rest
+from diagnosis.report.notes import near_rest
 from diagnosis.search.growth import attribute
 from testbench.effects.logged import logged_run
 from testbench.log import Recording

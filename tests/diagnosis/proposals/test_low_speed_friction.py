@@ -9,7 +9,8 @@ from scipy.interpolate import CubicSpline
 from diagnosis.correction.corrected_mjcf import write_corrected
 from diagnosis.correction.corrected_model import corrected_model
 from diagnosis.correction.prediction import predict_torque
-from diagnosis.data.preparation import Prepared, prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.data.run import Prepared
 from diagnosis.diagnose import diagnose
 from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diagnosis.data.preparation import Prepared, prepare
-from diagnosis.data.run import Run
+from diagnosis.data.preparation import prepare
+from diagnosis.data.run import Prepared, Run
 from diagnosis.residual.localisation import densest, regime_shares
 from diagnosis.residual.shares import RegimeShare
 from diagnosis.residual.spectrum import slow_share

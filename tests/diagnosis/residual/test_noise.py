@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from diagnosis.data.preparation import Prepared, prepare
+from diagnosis.data.preparation import prepare
+from diagnosis.data.run import Prepared
 from diagnosis.residual.noise import noise
 from testbench.log import Recording
 from testbench.robot import Robot

@@ -16,7 +16,8 @@ from diagnosis.model.base_regressor import ground
 from diagnosis.model.candidates import FREE
 from diagnosis.model.free_functions import RUN_TIME, generic_candidates
 from diagnosis.model.gram import Bank
-from diagnosis.residual.unexplained import NOTHING, TIMING, unclaimed
+from diagnosis.residual.shares import NOTHING
+from diagnosis.residual.unexplained import TIMING, unclaimed
 from identification.parameters import ARMATURE
 from testbench.effects import parse_injection
 from testbench.effects.logged import logged_run

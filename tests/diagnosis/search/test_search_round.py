@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from diagnosis.data.preparation import prepare
-from diagnosis.decision.found import Found
+from diagnosis.decision.reported_effects import Found
 from diagnosis.fit.likelihood import Weighed, weigh
 from diagnosis.fit.score import Stage
 from diagnosis.model.base_regressor import ground
