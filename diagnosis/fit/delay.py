@@ -19,8 +19,7 @@ from ..model.base_regressor import ground
 from ..model.candidates import DELAY
 from ..model.hypothesis import Design, bounds, design, log_prior, scaled_precision
 from .bounded import solve
-from .likelihood import log_of_squares
-from .normal_equations import Fit, normal_of
+from .normal_equations import Fit, log_of_squares, normal_of
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,7 @@ from identification.regressor import regressor
 
 from ..model.base_regressor import ground
 from ..model.hypothesis import Design, log_prior, scaled_precision
-from .likelihood import log_of_squares
-from .normal_equations import Fit
+from .normal_equations import Fit, log_of_squares
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from testbench.effects.signature import Family, Member
 from ..model.candidates import Candidate, Place, candidate
 from ..model.gram import Bank
 from ..model.hypothesis import Design, log_prior
-from .normal_equations import Fit, squares
+from .normal_equations import Fit, log_of_squares, squares
 from .score import Gain, Stage
 
 Array = NDArray[np.float64]
@@ -64,11 +64,6 @@ def gained_elsewhere(stage: Stage, gain: Gain) -> float:
 def gained_by_shift(stage: Stage, gain: Gain) -> float:
     """The part of it that comes from parameters nearer to the model's."""
     return gain.prior - stage.prior
-
-
-def log_of_squares(independent: Array, squared: Array) -> float:
-    """Log-likelihood of squared residuals (n,) of so many independent samples (n,); up to a constant."""
-    return -0.5 * float(np.sum(independent * np.log(np.maximum(squared, 1e-300))))
 
 
 def log_likelihood(hypothesis: Design, fitted: Fit) -> float:

@@ -203,6 +203,11 @@ def squares(residual: Sequence[Array]) -> Array:
     return np.sum([np.sum(run**2, axis=0) for run in residual], axis=0)
 
 
+def log_of_squares(independent: Array, squared: Array) -> float:
+    """Log-likelihood of squared residuals (n,) of so many independent samples (n,); up to a constant."""
+    return -0.5 * float(np.sum(independent * np.log(np.maximum(squared, 1e-300))))
+
+
 def rms(residual: Sequence[Array], hypothesis: Design) -> Array:
     """RMS (n,) of all runs (M, n) over the samples that count; what is left is zero elsewhere."""
     return np.sqrt(squares(residual) / np.maximum(hypothesis.counts, 1))

@@ -56,7 +56,8 @@ class Bank:
         column = 0
         for each in (self.candidates[c] for c in self._reach[joint]):
             # Filled one by one, as all of them twice would be most of a long log's memory.
-            found[:, column : column + each.count] = reached_rows(self._ground, each, fold, joint)
+            rows = self._ground.rows_of(each.filtered, fold, joint, each.member.rows.index(joint))
+            found[:, column : column + each.count] = rows
             column += each.count
         if self._is_small:
             self._z[fold, joint] = found
@@ -67,8 +68,3 @@ class Bank:
         wanted = np.zeros(len(self.candidates), dtype=np.bool_)
         wanted[candidates] = True
         return np.flatnonzero(wanted[self.owner])
-
-
-def reached_rows(ground: Ground, candidate: Candidate, fold: int, joint: int) -> Array:
-    """Used rows of a candidate's columns at a joint that it reaches, (m, k)."""
-    return ground.rows_of(candidate.filtered, fold, joint, candidate.member.rows.index(joint))

@@ -17,7 +17,6 @@ from identification.parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_J
 from ..data.run import Prepared
 from .base_regressor import ground
 from .candidates import Candidate
-from .gram import reached_rows
 
 Array = NDArray[np.float64]
 
@@ -131,7 +130,8 @@ class Design:
         base = ground(self.prepared)
 
         def rows(fold: int, joint: int) -> Array:
-            each = [reached_rows(base, c, fold, joint) for c in self.accepted if joint in c.member.rows]
+            reaching = [(c, c.member.rows.index(joint)) for c in self.accepted if joint in c.member.rows]
+            each = [base.rows_of(c.filtered, fold, joint, place) for c, place in reaching]
             return np.concatenate([np.zeros((len(base.used[fold][joint]), 0)), *each], axis=1)
 
         return [[rows(fold, joint) for joint in range(base.joints)] for fold in range(len(base.folds))]

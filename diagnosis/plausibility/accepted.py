@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from testbench.effects.transmission_ripple import SLOWEST
+
 from ..data.run import Prepared
 from ..fit.likelihood import Weighed
 from ..fit.normal_equations import Fit, fitted_to
@@ -13,9 +15,6 @@ from ..model.candidates import Candidate
 from ..model.hypothesis import Design
 from ..residual.localisation import share_left
 from ..residual.shares import Unclaimed
-
-# Cycles a revolution.
-SLOWEST_RIPPLE = 10.0
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ def laws_of_position(first: Stage, last: Stage, accepted: Sequence[Accepted]) ->
 
 def _is_of_position(item: Accepted) -> bool:
     """Whether it is a law of position, as a spring's, or a ripple too slow for the teeth of any gear."""
-    slow = item.candidate.member.shape.get("cycles", np.inf) < SLOWEST_RIPPLE
+    slow = item.candidate.member.shape.get("cycles", np.inf) < SLOWEST
     return item.candidate.description.of_position or slow
 
 

@@ -11,8 +11,8 @@ from identification.chain import Chain
 from testbench.effects.external_contact import pushes, windows, withstood
 from testbench.effects.logged import Logged
 
-from ..fit.likelihood import Weighed, log_of_squares, odds
-from ..fit.normal_equations import Fit, squares, standard_values
+from ..fit.likelihood import Weighed, odds
+from ..fit.normal_equations import Fit, log_of_squares, squares, standard_values
 from ..fit.score import Gain, Stage
 from ..model.candidates import SATURATION, Candidate, Place, in_parallel
 from ..model.gram import Bank

@@ -4,13 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from testbench.effects.signature import Member
-from testbench.effects.transmission_ripple import DESCRIPTION, highest_cycles, peaks_of, ripples
+from testbench.effects.transmission_ripple import DESCRIPTION, SLOWEST, highest_cycles, peaks_of, ripples
 
 from ..fit.normal_equations import Fit, squares
 from ..fit.score import Stage
 from ..model.candidates import Candidate, candidate
 from ..model.hypothesis import Design
-from ..plausibility.accepted import SLOWEST_RIPPLE
 
 Array = NDArray[np.float64]
 
@@ -30,7 +29,7 @@ def ripple_candidates(first: Stage, stage: Stage) -> list[Candidate]:
     for joint in sorted(others):
         family = ripples(logged, joint, *_peaks(stage.hypothesis, stage.fitted, joint))
         # What is slower is what any misfit looks like.
-        quick = [each for each in family.members if each.shape["cycles"] > SLOWEST_RIPPLE]
+        quick = [each for each in family.members if each.shape["cycles"] > SLOWEST]
         found += [candidate(stage.prepared, family, member) for member in quick]
     return found
 

@@ -18,7 +18,8 @@ from testbench.effects.signature import Family
 
 from ..data.run import Prepared
 from ..fit.bounded import solve
-from ..fit.likelihood import Weighed, log_of_squares
+from ..fit.likelihood import Weighed
+from ..fit.normal_equations import log_of_squares
 from ..fit.score import Gain, Stage
 from ..model.candidates import SATURATION, Candidate, candidate
 from ..model.gram import Bank

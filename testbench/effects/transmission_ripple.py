@@ -64,6 +64,8 @@ LIKELY_UNLOADED = 0.5
 # Cycles a revolution, or in 2 pi metres; what is slower is a spring's business. A strain wave gear's wave
 # generator has two a turn of the motor, a ball screw one a lead of some millimetres.
 LOWEST, HIGHEST, HIGHEST_OF_SLIDE = 5.0, 400.0, 1500.0
+# Cycles a revolution: the teeth of any gear are more, and what is slower is a law of the joint's position.
+SLOWEST = 10.0
 PEAKS = 4
 # Of the position, within the shortest cycle.
 CELLS = 10

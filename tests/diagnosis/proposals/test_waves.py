@@ -9,9 +9,9 @@ from diagnosis.fit.linearisation import first_linearised
 from diagnosis.fit.score import Stage
 from diagnosis.model.base_regressor import ground
 from diagnosis.model.candidates import candidates
-from diagnosis.plausibility.accepted import SLOWEST_RIPPLE
 from diagnosis.proposals.ripple_peaks import ripple_candidates
 from testbench.effects import parse_injection
+from testbench.effects.transmission_ripple import SLOWEST
 
 from ...diagnosed import simulated_runs
 
@@ -93,5 +93,5 @@ def test_ripples_are_picked_anew_once_a_far_larger_effect_is_known(arm):
     )
     assert before > 1.0
     assert after < 0.25
-    assert min(each.member.shape["cycles"] for each in anew) > SLOWEST_RIPPLE
+    assert min(each.member.shape["cycles"] for each in anew) > SLOWEST
     assert ripple_candidates(first, first) == []
