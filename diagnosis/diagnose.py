@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.checks.finding import Finding, barring
+from recordings.checks.finding import Finding, barred_joints, barring
 from testbench.log import Recording
 from testbench.robot import Robot
 
@@ -15,7 +15,16 @@ from .correction.residual_near_rest import left_at_rest
 from .data.run import Prepared
 from .data.single_sine import one_sine
 from .decision.attribution import Attribution
-from .decision.doubts import ONE_SINE, TOO_SHORT, doubt, is_too_short, with_support, without_seconds
+from .decision.doubts import (
+    IN_ANOTHER_UNIT,
+    ONE_SINE,
+    TOO_SHORT,
+    acts_on,
+    doubt,
+    is_too_short,
+    with_support,
+    without_seconds,
+)
 from .decision.findings import Diagnosis, Gap, NamedEffect
 from .decision.harmful_effects import without_misleading, without_undetermined
 from .decision.held_out_check import closed_without_a_name
@@ -64,7 +73,8 @@ def diagnose(
     at_rest = left_at_rest(prepared, corrected_by(only[1], final, again, everything(robot.joints)))
     kept, supported, left = _kept(only, final, at_rest, torque, barred is None)
     only, gap = (only[0], replace(only[1], held_out=left[1])), _gap(prepared, final[0], left)
-    found = _without_doubtful(found, supported, sines)
+    unit = frozenset(map(robot.joint_names.index, barred_joints(log_findings)))
+    found = _without_doubtful(found, supported, sines, unit)
     found = _with_untold(found, gap, torque)
     found, kept, gap = _of_joints_that_tell(found, kept, gap, supported, left)
     effects = named_effects(found)
@@ -144,11 +154,14 @@ def _hardly_seen(found: Attribution, gap: Gap) -> NDArray[np.bool_]:
     return alone
 
 
-def _without_doubtful(found: Attribution, supported: NDArray[np.bool_], sines: frozenset[int]) -> Attribution:
+def _without_doubtful(
+    found: Attribution, supported: NDArray[np.bool_], sines: frozenset[int], unit: frozenset[int]
+) -> Attribution:
     """The attribution with effects no longer reported if left-out runs, a bound, their deviation or a larger
     effect of their joint say so.
 
-    supported: (n,) of ``with_support``. sines: the joints that follow one sine.
+    supported: (n,) of ``with_support``. sines: the joints that follow one sine. unit: those whose torque may
+    be in another unit.
     """
     accepted = list(with_support(found.accepted, supported))
     by_sines = bool(sines) and sines | found.prepared.still >= set(range(found.prepared.joints))
@@ -158,6 +171,8 @@ def _without_doubtful(found: Attribution, supported: NDArray[np.bool_], sines: f
         why = ONE_SINE if by_sines else doubt(named_effect(found, index))
         if is_too_short(item, found.hypothesis.has_enough_samples):
             why = TOO_SHORT
+        if acts_on(item, unit):
+            why = IN_ANOTHER_UNIT
         if why:
             accepted[index] = replace(item, named=False, doubt=why)
     return replace(found, accepted=without_seconds(accepted))

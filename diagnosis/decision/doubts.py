@@ -1,6 +1,6 @@
 """Why an effect that was fitted is not reported as a cause: held-out runs, bounds and deviations say no."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,7 @@ UNCERTAIN = "fitted, but its size is within two of its own standard deviations"
 TOO_SHORT = "fitted, but the runs hold too few seconds of motion of every joint that it loads"
 SECOND = "fitted, beside a larger effect of its joint: a law that is nearly the joint's leaves as much"
 ONE_SINE = "fitted, but each joint follows one sine: laws of position and inertia are one along it"
+IN_ANOTHER_UNIT = "fitted, but a torque that it acts on may be in another unit, by the checks of the logs"
 
 
 def with_support(accepted: Sequence[Accepted], supported: NDArray[np.bool_]) -> tuple[Accepted, ...]:
@@ -71,6 +72,13 @@ def is_too_short(item: Accepted, has_enough_samples: NDArray[np.bool_]) -> bool:
     """Whether an effect of the whole robot loads only joints of too few samples. has_enough_samples: (n,)."""
     candidate = item.candidate
     return candidate.family.joint is None and not has_enough_samples[list(candidate.member.rows)].any()
+
+
+def acts_on(item: Accepted, joints: Collection[int]) -> bool:
+    """Whether an effect acts on one of these joints; one of the whole robot, by any torque that it loads."""
+    family = item.candidate.family
+    own = item.candidate.member.rows if family.joint is None else (family.joint, family.into)
+    return any(each in joints for each in own)
 
 
 def doubt(named: NamedEffect) -> str:

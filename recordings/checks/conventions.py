@@ -103,10 +103,17 @@ def _is_certain(first: Candidate, best: Candidate) -> bool:
 def _suspected(finding: Finding, best: Candidate) -> Finding:
     left = float(np.sqrt(np.nanmean(best.explained.left**2)))
     sentence = f"suspected, since {left:.0%} of the torque is left even so: {finding.sentence}"
-    # What would make every answer meaningless makes every name doubtful.
-    bars = finding.bars_names or finding.severity is Severity.STOP
+    is_scale = finding.code == "torque_scale"
     return Finding(
-        Severity.WARN, finding.code, sentence, finding.joints, finding.run, finding.field, bars_names=bars
+        Severity.WARN,
+        finding.code,
+        sentence,
+        finding.joints,
+        finding.run,
+        finding.field,
+        bars_names=not is_scale,
+        # A factor that a drive's constant may be off by is an effect, and may have its name.
+        bars_joints=is_scale and finding.severity is Severity.STOP,
     )
 
 

@@ -23,7 +23,7 @@ class Finding:
     code: for machines, such as torque_sign. sentence: plain, with its figures and what to do. joints: names
     of those that it concerns; empty for the whole log. run: the run that has it; empty for all of them.
     field: the channel, as robot-log spells it. expected: what it should be, of findings that stop.
-    bars_names: beside it no effect is named.
+    bars_names: beside it no effect is named. bars_joints: none that acts on its joints is.
     """
 
     severity: Severity
@@ -34,6 +34,7 @@ class Finding:
     field: str = "log"
     expected: str = ""
     bars_names: bool = False
+    bars_joints: bool = False
 
     def error(self, source: str | Path) -> InputError:
         """The refusal of a log, ``source``, that has this."""
@@ -43,3 +44,8 @@ class Finding:
 def barring(findings: Sequence[Finding]) -> Finding | None:
     """The first finding beside which no effect is named; None where there is none."""
     return next((each for each in findings if each.bars_names), None)
+
+
+def barred_joints(findings: Sequence[Finding]) -> frozenset[str]:
+    """The names of the joints at which no effect is named."""
+    return frozenset(name for each in findings if each.bars_joints for name in each.joints)

@@ -12,6 +12,7 @@ from diagnosis.decision.doubts import (
     NOT_PREDICTED,
     SECOND,
     UNCERTAIN,
+    acts_on,
     doubt,
     is_too_short,
     with_support,
@@ -45,11 +46,25 @@ def test_a_size_at_its_bound_or_less_than_its_deviation_is_doubtful(named, expec
     assert doubt(named) == expected
 
 
-def _taken_in(joint: int, into: int | None = None, swallowed: bool = False, event: bool = False) -> Accepted:
+def _taken_in(
+    joint: int | None, into: int | None = None, swallowed: bool = False, event: bool = False
+) -> Accepted:
     family = SimpleNamespace(effect="e", joint=joint, into=into, swallowed=swallowed)
     known = SimpleNamespace(at_times=event)
     candidate: Any = SimpleNamespace(family=family, description=known, is_event=event, shows=True)
     return Accepted(candidate, 1.0, (), 10.0, 0.5, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("joint", "into", "rows", "acts"),
+    [(2, None, (0, 1, 2), True), (1, None, (0, 1), False), (1, 2, (1,), True), (None, None, (1, 2), True)],
+)
+def test_an_effect_acts_on_its_joints_and_one_of_the_whole_robot_on_all_that_it_loads(
+    joint, into, rows, acts
+):
+    item = _taken_in(joint, into)
+    item.candidate.member = SimpleNamespace(rows=rows)
+    assert acts_on(item, {2}) == acts
 
 
 def test_a_name_is_lost_where_left_out_runs_keep_nothing_of_the_effects():
