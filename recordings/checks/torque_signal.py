@@ -20,6 +20,8 @@ EITHER_WAY, UNSIGNED = 0.1, 0.25
 # Torque is speed where nothing but this share of its variance is left of it, and their factor is so nearly
 # one.
 SPEED_LEAVES, SPEED_FACTOR = 0.02, 1.25
+# By the model a joint is little but damped where speed leaves less of its torque's variance.
+DAMPED = 0.2
 # A torque that is clipped is at its largest in this share of the samples, in so many of them in a row.
 CLIPPED, IN_A_ROW = 0.005, 5
 # One that is there in more of them never changes.
@@ -40,9 +42,11 @@ def check(subject: Subject) -> list[Finding]:
         return found
     samples = subject.samples
     if samples is not None:
-        found += _velocity(subject, samples)
+        chain, parameters = subject.robot.chain, subject.robot.parameters
+        model = inverse_dynamics(chain, parameters, samples.q, samples.dq, samples.ddq, threads=1)
+        found += _velocity(subject, samples, model)
         if not found:
-            found += _unsigned(subject, samples, torque)
+            found += _unsigned(subject, samples, torque, model)
     moves = np.concatenate([_speeds(each) > MOVING for each in subject.recordings.values()])
     found += _silent(subject, torque)
     # Of runs that count in different steps the finest.
@@ -64,18 +68,24 @@ def _none(subject: Subject, run: str) -> Finding:
     )
 
 
-def _velocity(subject: Subject, samples: Samples) -> list[Finding]:
-    """Joints whose torque is their own speed."""
+def _velocity(subject: Subject, samples: Samples, model: Array) -> list[Finding]:
+    """Joints whose torque is their own speed, though they are not little but damped by the model (M, n)."""
     joints = []
     for joint in range(subject.robot.joints):
         moves = samples.moves[:, joint]
-        speed, torque = samples.dq[moves, joint], samples.torque[moves, joint]
-        if len(speed) < 10 or np.std(torque) == 0:
+        speed, torques = (
+            samples.dq[moves, joint],
+            np.stack([each[moves, joint] for each in (samples.torque, model)]),
+        )
+        if len(speed) < 10 or np.std(torques[0]) == 0:
             continue
         x = np.column_stack([speed, np.ones(len(speed))])
-        values = np.linalg.lstsq(x, torque, rcond=None)[0]
-        left = float(np.var(torque - x @ values) / np.var(torque))
-        if left < SPEED_LEAVES and 1 / SPEED_FACTOR < values[0] < SPEED_FACTOR:
+        values = np.linalg.lstsq(x, torques.T, rcond=None)[0]
+        left = np.var(torques - (x @ values).T, axis=1) / np.maximum(
+            np.var(torques, axis=1), np.finfo(float).tiny
+        )
+        is_damped = left[1] < DAMPED
+        if left[0] < SPEED_LEAVES and 1 / SPEED_FACTOR < values[0, 0] < SPEED_FACTOR and not is_damped:
             joints.append(joint)
     if not joints:
         return []
@@ -86,10 +96,9 @@ def _velocity(subject: Subject, samples: Samples) -> list[Finding]:
     ]
 
 
-def _unsigned(subject: Subject, samples: Samples, torque: Array) -> list[Finding]:
-    """Joints whose torques have no sign."""
+def _unsigned(subject: Subject, samples: Samples, torque: Array, model: Array) -> list[Finding]:
+    """Joints whose torques have no sign. model: the model's (M, n), along the samples."""
     robot = subject.robot
-    model = inverse_dynamics(robot.chain, robot.parameters, samples.q, samples.dq, samples.ddq, threads=1)
     joints = []
     for joint in range(robot.joints):
         moves = samples.moves[:, joint]

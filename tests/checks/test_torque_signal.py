@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.parameters import INERTIAL, PER_JOINT, VISCOUS
 from recordings.checks import Severity, run_checks
 from recordings.checks.subject import Subject
 from recordings.checks.torque_signal import check
@@ -42,6 +43,20 @@ def test_velocity_in_the_column_of_torque_is_told(robot, healthy):
     speed = np.gradient(healthy.position, healthy.time, axis=0)
     found = _found(robot, replace(healthy, torque=speed))
     assert found["velocity_as_torque"] == (Severity.STOP, robot.joint_names)
+
+
+def test_the_torque_of_a_joint_that_is_little_but_damped_is_no_velocity(robot, healthy):
+    """A light wrist whose damping is 1 N·m·s/rad: its torque is its speed."""
+    speed = np.gradient(healthy.position, healthy.time, axis=0)
+    table = robot.parameters.reshape(-1, PER_JOINT).copy()
+    table[2, :INERTIAL] = 0.0
+    table[2, INERTIAL:] = 0.0
+    table[2, VISCOUS] = 1.2
+    damped = replace(robot, parameters=table.ravel())
+    torque = healthy.torque.copy()
+    torque[:, 2] = speed[:, 2]
+    found = check(Subject(damped, {"run": replace(healthy, torque=torque)}))
+    assert "velocity_as_torque" not in {each.code for each in found}
 
 
 def test_torque_that_is_clipped_and_torque_in_coarse_steps_are_told_apart(robot, healthy):
