@@ -62,7 +62,18 @@ def diagnose(
     encoders leave. payloads: kg, known to be in one run and in no other, by its name. log_findings: of the
     checks of these logs. Raises InputError for runs that are too short.
     """
-    alike, differences = without_differences(aligned(robot, recordings, cutoff), payloads)
+    return diagnose_prepared(aligned(robot, recordings, cutoff), without, payloads, log_findings)
+
+
+def diagnose_prepared(
+    runs: Prepared,
+    without: Sequence[str] = (),
+    payloads: Mapping[str, float] | None = None,
+    log_findings: tuple[Finding, ...] = (),
+) -> Diagnosis:
+    """The same of runs as ``aligned`` prepares them."""
+    robot = runs.robot
+    alike, differences = without_differences(runs, payloads)
     found = without_undetermined(attribute(alike, without))
     prepared, barred = found.prepared, barring(log_findings)
     only = found.parameters_only[0], with_predictive_prior(*found.parameters_only)

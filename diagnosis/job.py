@@ -22,8 +22,9 @@ from .correction.closed_loop_gap import ForwardGap, forward_gap, gap_as_given
 from .correction.corrected_mjcf import Written, write_corrected
 from .correction.correction_document import DOCUMENT
 from .decision.findings import Diagnosis
-from .diagnose import diagnose
+from .diagnose import diagnose, diagnose_prepared
 from .experiment.discriminating_motion import NextExperiment, next_experiment
+from .fit.torque_alignment import aligned
 from .report.document import write_diagnosis
 
 # What is left in a folder of results.
@@ -65,16 +66,17 @@ def diagnose_logs(
     robot = load_robot(model, choice, joint_names)
     print_notes(robot)
     recordings = dict(zip(run_names(logs), read_runs(logs, robot, map_path), strict=True))
-    findings = require_sound(robot, recordings, logs)
-    # Simulation and most of a design is outside the interpreter, and looks at nothing of the rest.
+    # Filters, simulation and most of a design are outside the interpreter, and look at nothing of the rest.
     with steps() as progress, ThreadPoolExecutor(1) as aside:
+        prepared = aside.submit(aligned, robot, recordings, cutoff)
+        findings = require_sound(robot, recordings, logs)
         as_given = aside.submit(gap_as_given, robot, recordings, jobs)
         # More than a second to import, which the diagnosis does not wait for.
         for name in (".report.page", ".report.session"):
             aside.submit(import_module, name, __package__)
         with progress.step("diagnose"):
             try:
-                diagnosis = diagnose(robot, recordings, without, cutoff, masses, findings)
+                diagnosis = diagnose_prepared(prepared.result(), without, masses, findings)
             except InputError as error:
                 raise by_path(error, logs) from None
         experiment, written = _write(diagnosis, recordings, out, seed, jobs, progress, aside, as_given)
@@ -122,10 +124,10 @@ def _write(
     as_given: Future[ForwardGap | None],
 ) -> tuple[NextExperiment | None, Written]:
     """Simulate the closed loop, find the next experiment, and write the folder. as_given: under way."""
+    closed = aside.submit(forward_gap, diagnosis, recordings, as_given.result(), jobs)
     with progress.step("corrected simulator"):
         written = write_corrected(diagnosis, out / "corrected.xml")
     with progress.step("closed loop and next experiment"):
-        closed = aside.submit(forward_gap, diagnosis, recordings, as_given.result(), jobs)
         experiment = next_experiment(diagnosis, seed)
         from .report.page import write_report
         from .report.session import write_session

@@ -79,25 +79,28 @@ class MujocoTorque:
 
     def along(self, q: Array, dq: Array, ddq: Array, rate: float) -> Array:
         """Torque (N, n) N·m along a motion sampled at ``rate``, Hz."""
-        out = np.empty_like(q)
         data = mujoco.MjData(self.mjcf)
-        steps = int(np.ceil(1 / (rate * STATE_STEP))) if self.mjcf.na else 1
-        self.mjcf.opt.timestep = 1 / (rate * steps)
-        for sample in range(len(q)):
-            self._place(data, q[sample], dq[sample], ddq[sample])
+        steps = int(np.ceil(1 / (rate * STATE_STEP))) if self.mjcf.na else 0
+        self.mjcf.opt.timestep = 1 / (rate * max(steps, 1))
+        motion = self._placed(q, dq, ddq)
+        out = np.empty((len(q), self.mjcf.nv))
+        for sample, placed in enumerate(zip(*motion, strict=True)):
+            data.qpos, data.qvel, data.qacc = placed
             mujoco.mj_inverse(self.mjcf, data)
             mujoco.mj_fwdActuation(self.mjcf, data)
-            torque = (data.qfrc_inverse - data.qfrc_actuator)[self.dofs]
-            out[sample] = self.chain.at_joints(torque[None])[0]
-            for _ in range(steps if self.mjcf.na else 0):
+            np.subtract(data.qfrc_inverse, data.qfrc_actuator, out=out[sample])
+            for _ in range(steps):
                 mujoco.mj_step(self.mjcf, data)
-                self._place(data, q[sample], dq[sample], ddq[sample])
-        return out / self.gains
+                data.qpos, data.qvel, data.qacc = placed
+        return self.chain.at_joints(out[:, self.dofs]) / self.gains
 
-    def _place(self, data: Any, q: Array, dq: Array, ddq: Array) -> None:
-        data.qpos[:], data.qvel[:], data.qacc[:] = self.mjcf.qpos0, 0.0, 0.0
-        data.qpos[self.qpos] = self.chain.link_positions(q)
-        data.qvel[self.dofs], data.qacc[self.dofs] = map(self.chain.link_motions, (dq, ddq))
+    def _placed(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
+        """Positions (N, nq), velocities and accelerations (N, nv) of the whole MJCF along a motion."""
+        qpos = np.tile(self.mjcf.qpos0, (len(q), 1))
+        qvel, qacc = np.zeros((2, len(q), self.mjcf.nv))
+        qpos[:, self.qpos] = self.chain.link_positions(q)
+        qvel[:, self.dofs], qacc[:, self.dofs] = map(self.chain.link_motions, (dq, ddq))
+        return qpos, qvel, qacc
 
 
 def _gains(model: Any, names: tuple[str, ...]) -> Array:

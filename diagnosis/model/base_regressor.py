@@ -109,7 +109,7 @@ class Ground:
     def rows_of(self, runs: Sequence[Array], fold: int, joint: int, place: int | None = None) -> Array:
         """Used rows of one fold and joint. place: of the joint in the arrays, where that is not its index."""
         at = joint if place is None else place
-        return runs[self.folds[fold][0]][self.used[fold][joint], at]
+        return runs[self.folds[fold][0]][:, at].take(self.used[fold][joint], axis=0)
 
 
 @lru_cache(maxsize=2)

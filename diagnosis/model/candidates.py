@@ -173,8 +173,11 @@ def candidates(
         for joint, into in places(each.DESCRIPTION, prepared.robot.chain.is_slide)
         if prepared.moves(joint, into)
     ]
-    # One joint after the other, whose derivatives of the load are kept meanwhile.
-    sought = sorted((place for place in wanted if place not in same), key=lambda place: place[1] or 0)
+    # As many joints at a time as derivatives of the load are kept of: threads seldom make the same ones.
+    at_once = min(run.joints_kept for run in logged)
+    sought = sorted(
+        (place for place in wanted if place not in same), key=lambda place: (place[1] or 0) // at_once
+    )
     for each in in_parallel(
         prepared, [partial(effect(name).signature, logged, j, k) for name, j, k in sought]
     ):

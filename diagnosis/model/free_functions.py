@@ -32,7 +32,7 @@ TURNING = (0.02, 0.1)
 def generic_candidates(prepared: Prepared, known: Sequence[Candidate] = ()) -> list[Candidate]:
     """One candidate a joint and regime.
 
-    known: those of the same motion by another friction, of which what it does not change is taken.
+    known: those of the same motion by another model, which changes those of torque alone.
     """
     logged, same = [run.logged for run in prepared.runs], {each.place: each for each in known}
     found = []

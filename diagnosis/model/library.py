@@ -1,7 +1,8 @@
 """Regressor columns of all catalogue effects and of free functions of the motion, made once for a load.
 
 Linearised anew, most runs carry the load that they did: what is known of friction near rest, a warming joint
-or a late sensor moves next to nothing of it. Then only those columns are made again that friction is in.
+or a late sensor moves next to nothing of it. Then only those columns are made again that friction is in. Free
+functions are of the motion, which stays: those of torque alone are made again.
 """
 
 from collections.abc import Sequence
@@ -36,7 +37,7 @@ class Sought:
         """Make the columns along these runs: the same runs as before, linearised anew."""
         if self._loaded is None or not _have_one_load(self._loaded, prepared):
             # Old and new ones together would be too much for the memory of a small machine.
-            self.motions, self.catalogue, self._loaded = [], [], prepared
+            self.catalogue, self._loaded = [], prepared
         self.motions = generic_candidates(prepared, self.motions)
         apart = [name for name, each in effects().items() if each.DESCRIPTION.at_times]
         without = [*self.without, *apart]

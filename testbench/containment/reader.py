@@ -65,8 +65,8 @@ def serve(parent: int) -> None:
     os.dup2(2, 1)
     _confine()
     # Meanwhile the parent imports what it needs.
-    importlib.import_module("testbench.log")
-    importlib.import_module("mujoco")
+    for module in ("testbench.log", "testbench.robot"):
+        importlib.import_module(module)
     # What a median, and a text that is decoded, load at a time when no file can be opened.
     importlib.import_module("numpy.ma")
     for codec in CODECS:

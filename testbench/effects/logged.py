@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 ANGLE_STEP = 1e-5
 # Samples of the load's derivatives in a period of the cut-off.
 SPLINE_SAMPLES = 8
-# Joints whose derivatives of the load are kept, at most so many bytes of them: effects are made for one joint
-# after the other. So many samples of them are made at once.
+# Joints whose derivatives of the load are kept, at most so many bytes of them: effects are made for a few
+# joints at a time. So many samples of them are made at once.
 DERIVATIVES, MOST_BYTES, AT_ONCE = 3, 1 << 27, 1 << 14
 # What a run has of every sample.
 PER_SAMPLE = (
@@ -207,6 +207,11 @@ class Logged:
         for name in self.__dict__.keys() - {each.name for each in fields(self)}:
             self.__dict__.pop(name, None)
 
+    @property
+    def joints_kept(self) -> int:
+        """Number of joints whose derivatives of the load are kept at a time."""
+        return min(DERIVATIVES, max(MOST_BYTES // (3 * self.q.nbytes), 1))
+
     @cached_property
     def _derivatives(self) -> dict[int, "_Derivatives"]:
         return {}
@@ -229,8 +234,7 @@ class Logged:
             if step > 1 and len(grid) > 3:
                 values = make_interp_spline(grid, values(grid))
             # Those of all joints are most of what a run would hold: old ones go before new ones come.
-            others = min(DERIVATIVES, max(MOST_BYTES // (3 * self.q.nbytes), 1)) - 1
-            for old in list(kept)[: max(len(kept) - others, 0)]:
+            for old in list(kept)[: max(len(kept) - self.joints_kept + 1, 0)]:
                 kept.pop(old, None)
             made = np.empty((3, self.samples, self.joints))
             for first in range(0, self.samples, AT_ONCE):

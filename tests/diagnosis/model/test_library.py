@@ -57,10 +57,14 @@ def test_what_friction_is_in_is_made_again_and_all_is_as_if_made_anew(prepared):
 
 def test_links_that_are_another_load_are_sought_anew(prepared):
     sought = Sought(())
+    anew, heavier = Sought(()), _with_parameters(prepared, [MASS], 1.5)
     sought.along(prepared)
     old = sought.catalogue
-    sought.along(_with_parameters(prepared, [MASS], 1.5))
+    sought.along(heavier)
+    anew.along(heavier)
     assert not {id(each) for each in old} & {id(each) for each in sought.catalogue}
+    # Free functions of the motion are kept, and must be what they would be there.
+    assert all(_alike(*pair) for pair in zip(sought.motions, anew.motions, strict=True))
 
 
 def test_a_load_that_hardly_differs_keeps_the_columns(prepared):
