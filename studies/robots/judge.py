@@ -17,7 +17,7 @@ BASE_FREQUENCY, HARMONICS, ITERATIONS, DESIGNS = 0.15, 3, 20, (0, 1)
 # The effect that a robot has when it is not healthy: one that any drive can bear.
 EFFECT = "torque_gain_error:1"
 # Processor seconds that a command may take.
-PATIENCE = 200.0
+PATIENCE = 400.0
 # Names of this probability or more are reported.
 STATED = 0.5
 COMMANDS = ("excite", "simulate", "identify", "diagnose")
