@@ -9,7 +9,8 @@ import pytest
 from diagnosis.experiment.reached_limits import within_reach
 from identification.errors import InputError
 from identification.excitation.design import DesignOptions, random_excitation
-from identification.excitation.random_motion import resting_centres
+from identification.excitation.random_motion import FeasibleMotions, resting_centres
+from identification.excitation.trajectories import trajectory_basis
 from testbench.clearance import clearance_of
 from testbench.design_limits import CAUTIOUS_SLIDE, CAUTIOUS_SPEED, design_limits
 from testbench.jobs.excite import CLEARANCE, design_room, excite_model
@@ -197,3 +198,28 @@ def test_the_next_experiment_is_no_faster_than_the_runs_where_no_speed_is_rated(
     assert filled
     np.testing.assert_allclose(found.velocity, [0.7, 0.4], rtol=1e-3)
     np.testing.assert_array_equal(found.torque, [40, 20])
+
+
+class _Tight:
+    """Two pairs; the second is clear at one configuration alone."""
+
+    required, pairs = 0.01, ("hand and post", "hand and wall")
+
+    def distances(self, q: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.ones(len(q)), 0.02 - 100 * np.abs(q).max(axis=1)])
+
+    def gradients(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        raise NotImplementedError
+
+
+def test_where_nothing_can_move_the_line_names_what_is_in_the_way(tmp_path: Path) -> None:
+    robot = _robot(tmp_path, URDF)
+    limits = replace(robot.limits, acceleration=np.full(2, 20.0), lower=-np.ones(2), upper=np.ones(2))
+    basis, centres = trajectory_basis("fourier", 0.2, 3), np.zeros((1, 2))
+    motions = FeasibleMotions(robot.chain, robot.parameters, limits, basis, _Tight(), centres)
+    with pytest.raises(InputError, match="clearance of hand and wall: .* a smaller --clearance"):
+        motions.draw(np.random.default_rng(0))
+    weak = replace(limits, torque=np.array([1e-3, 20.0]))
+    motions = FeasibleMotions(robot.chain, robot.parameters, weak, basis, None, centres)
+    with pytest.raises(InputError, match="torque limit of shoulder: .* joints held still"):
+        motions.draw(np.random.default_rng(0))

@@ -1,5 +1,6 @@
 """Feasible motions drawn at random: starting points of a design, and runs for validation."""
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,19 +44,26 @@ class FeasibleMotions:
     def draw(self, rng: np.random.Generator) -> Array:
         """Free coefficients (size, n) of one motion, as large as the limits let all joints be together.
 
-        Raises InputError where the limits leave no room to move.
+        Raises InputError, naming the limit that stops most motions, where there is no room to move.
         """
+        stopped = Counter[str]()
         for _ in range(DRAWS):
             centre = self.centres[rng.integers(len(self.centres))]
             coefficients = np.vstack([centre, rng.normal(size=(self.basis.size - 1, self.chain.joints))])
             coefficients[1:] *= self._largest_alone(coefficients)
-            factor = 1.0
+            factor, stop = 1.0, ""
             while factor > SMALLEST_FACTOR:
-                if self._keeps(_scaled(coefficients, factor)):
+                broken = self._broken(_scaled(coefficients, factor))
+                if broken is None:
                     return _scaled(coefficients, factor)
-                factor *= SHRINK
-        expected = "room to move about a configuration of rest"
-        raise InputError("limits", "torque limits and clearance", expected, f"none in {DRAWS} random motions")
+                factor, stop = factor * SHRINK, broken
+            stopped[stop] += 1
+        ((field, _),) = stopped.most_common(1)
+        room = "room to move about a configuration of rest"
+        expected = (
+            f"{room}; a smaller --clearance, or joints held still (--joints with the others), may give it"
+        )
+        raise InputError("limits", field, expected, f"none in {DRAWS} random motions")
 
     def enlarged(self, coefficients: Array) -> Array:
         """The motion with every joint's amplitude enlarged in turn as far as the limits allow."""
@@ -65,7 +73,7 @@ class FeasibleMotions:
             for joint in range(self.chain.joints):
                 trial = factors.copy()
                 trial[joint] = min(GROW * trial[joint], room[joint])
-                if trial[joint] > factors[joint] and self._keeps(_scaled(coefficients, trial)):
+                if trial[joint] > factors[joint] and self._broken(_scaled(coefficients, trial)) is None:
                     factors = trial
         return _scaled(coefficients, factors)
 
@@ -94,13 +102,19 @@ class FeasibleMotions:
         ]
         return RESERVE * np.min(factors, axis=0)
 
-    def _keeps(self, coefficients: Array) -> bool:
-        """Whether torque and clearance are kept on a coarse grid."""
+    def _broken(self, coefficients: Array) -> str | None:
+        """The limit of torque or clearance that is broken most on a coarse grid; None where all are kept."""
         q, dq, ddq = (matrix @ coefficients for matrix in self.basis.matrices(sampling_times(self.basis)))
         tau = inverse_dynamics(self.chain, self.parameters, q, dq, ddq)
-        if np.any(np.abs(tau) > RESERVE * self.limits.torque):
-            return False
-        return self.clearance is None or bool(self.clearance.distances(q).min() >= self.clearance.required)
+        excess = np.abs(tau).max(axis=0) - RESERVE * self.limits.torque
+        if np.any(excess > 0):
+            return f"torque limit of {self.chain.joint_names[int(np.argmax(excess))]}"
+        if self.clearance is None:
+            return None
+        nearest = self.clearance.distances(q).min(axis=0, initial=np.inf)
+        if np.all(nearest >= self.clearance.required):
+            return None
+        return f"clearance of {self.clearance.pairs[int(np.argmin(nearest))]}"
 
 
 def resting_centres(
