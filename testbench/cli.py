@@ -36,6 +36,7 @@ from .commands.diagnosis import diagnose, loop, predict
 from .commands.identification import excite, identify, run, simulate
 from .commands.recordings import import_recordings
 from .containment.child import begin
+from .memory import bound_memory
 
 app = App(
     name="testbench",
@@ -81,6 +82,7 @@ NUMBERS: dict[type | None, str] = {int: "a whole number", float: "a number"}
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the program and exit with its code."""
     keep_blas_single()
+    bound_memory()
     gc.set_threshold(OBJECTS_PER_SEARCH)
     standard_streams.prepare()
     # What Rerun complains of is told in our words, in one line.
@@ -111,7 +113,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _end(
             str(
                 InputError(
-                    "testbench", "memory", "enough for these inputs", "less; give shorter or fewer logs"
+                    "testbench",
+                    "memory",
+                    "enough for these inputs",
+                    "less; give shorter or fewer logs, or hold joints still (--joints with the others)",
                 )
             )
         )
