@@ -1,4 +1,4 @@
-"""A bound on this process's memory: what is too much for the machine fails, and can be said in a line."""
+"""A bound on this process's memory: allocations beyond the machine's raise MemoryError."""
 
 import os
 import sys

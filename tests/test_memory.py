@@ -1,4 +1,4 @@
-"""What is too much for the machine's memory fails in a way that can be said."""
+"""Allocations beyond the machine's memory raise MemoryError."""
 
 import subprocess
 import sys

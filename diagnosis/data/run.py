@@ -67,11 +67,12 @@ class Run:
     def by_model(self, parameters: Array) -> Array:
         """Filtered torque (M, n) N·m of standard parameters (14 n,)."""
         out = np.empty_like(self.torque)
+        loading = [self.logged.chain.loading(joint) for joint in range(len(self.rows))]
         for first in range(0, len(out), AT_ONCE):
             part = slice(first, first + AT_ONCE)
             dense = np.zeros((*out[part].shape, len(parameters)))
             for joint, rows in enumerate(self.rows):
-                dense[:, joint, self.logged.chain.loading(joint)] = rows[part]
+                dense[:, joint, loading[joint]] = rows[part]
             out[part] = dense @ parameters
         return out
 

@@ -37,11 +37,15 @@ def _is_unsupported(item: Accepted, supported: NDArray[np.bool_]) -> bool:
     family = item.candidate.family
     if not item.named or family.swallowed or item.candidate.is_event or not item.candidate.shows:
         return False
+    return not supported[_joints_of(item)].any()
+
+
+def _joints_of(item: Accepted) -> list[int]:
+    """The joints that an effect acts on; of one of the whole robot, those that it loads."""
+    family = item.candidate.family
     if family.joint is None:
-        joints = list(item.candidate.member.rows)
-    else:
-        joints = [family.joint] if family.into is None else [family.joint, family.into]
-    return not supported[joints].any()
+        return list(item.candidate.member.rows)
+    return [family.joint] if family.into is None else [family.joint, family.into]
 
 
 def without_seconds(accepted: Sequence[Accepted]) -> tuple[Accepted, ...]:
@@ -76,9 +80,7 @@ def is_too_short(item: Accepted, has_enough_samples: NDArray[np.bool_]) -> bool:
 
 def acts_on(item: Accepted, joints: Collection[int]) -> bool:
     """Whether an effect acts on one of these joints; one of the whole robot, by any torque that it loads."""
-    family = item.candidate.family
-    own = item.candidate.member.rows if family.joint is None else (family.joint, family.into)
-    return any(each in joints for each in own)
+    return any(each in joints for each in _joints_of(item))
 
 
 def doubt(named: NamedEffect) -> str:

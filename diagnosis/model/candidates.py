@@ -175,12 +175,10 @@ def candidates(
     ]
     # As many joints at a time as derivatives of the load are kept of: threads seldom make the same ones.
     at_once = min(run.joints_kept for run in logged)
-    sought = sorted(
+    anew = sorted(
         (place for place in wanted if place not in same), key=lambda place: (place[1] or 0) // at_once
     )
-    for each in in_parallel(
-        prepared, [partial(effect(name).signature, logged, j, k) for name, j, k in sought]
-    ):
+    for each in in_parallel(prepared, [partial(effect(name).signature, logged, j, k) for name, j, k in anew]):
         same[each.place].append(each)
     return [each for place in wanted for each in same[place]]
 

@@ -93,11 +93,11 @@ def contact(
     )
     # So is what bristles leave that were bent when a run began.
     bristled = stage.hypothesis.yielding
-    sought = [joints for joints in pushed if not bristled.issuperset(joints)]
-    if not sought:
+    considered = [joints for joints in pushed if not bristled.issuperset(joints)]
+    if not considered:
         return None
     logged = _without_effects(stage)
-    found = (_likeliest(stage, logged, joints, fitted, bursts, noise) for joints in sought)
+    found = (_likeliest(stage, logged, joints, fitted, bursts, noise) for joints in considered)
     return next((each for each in found if each is not None), None)
 
 

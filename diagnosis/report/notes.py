@@ -10,7 +10,7 @@ from ..decision.findings import Diagnosis
 from ..held_out.difference import Difference
 from .words import listed, title
 
-# A drive's gain is told where it is known this well, relative.
+# A drive's gain is reported where its relative deviation is below this.
 KNOWN = 0.05
 
 

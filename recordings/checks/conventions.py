@@ -1,5 +1,7 @@
 """Columns, signs, zeros, scales and gravity of a log that are not the model's, in words."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -104,13 +106,11 @@ def _suspected(finding: Finding, best: Candidate) -> Finding:
     left = float(np.sqrt(np.nanmean(best.explained.left**2)))
     sentence = f"suspected, since {left:.0%} of the torque is left even so: {finding.sentence}"
     is_scale = finding.code == "torque_scale"
-    return Finding(
-        Severity.WARN,
-        finding.code,
-        sentence,
-        finding.joints,
-        finding.run,
-        finding.field,
+    return replace(
+        finding,
+        severity=Severity.WARN,
+        sentence=sentence,
+        expected="",
         bars_names=not is_scale,
         # A factor that a drive's constant may be off by is an effect, and may have its name.
         bars_joints=is_scale and finding.severity is Severity.STOP,

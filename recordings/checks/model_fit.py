@@ -166,9 +166,7 @@ class ModelFit:
         for index, joint in enumerate(joints.tolist()):
             used = where[:, joint]
             x, torque, own = rows[used, joint] * self.widths, read.torque[used, joint], model[used, joint]
-            # From the first to the last link that the joint moves: few of a hand's or a leg's.
-            (moved,) = np.nonzero(x.any(axis=0))
-            counts = slice(int(moved.min(initial=0)), int(moved.max(initial=-1)) + 1)
+            counts = self.robot.chain.loading(joint)
             x = x[:, counts]
             grams.append((counts, x.T @ x))
             torque_products[index, counts] = x.T @ torque

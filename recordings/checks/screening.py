@@ -93,7 +93,7 @@ class Screening:
         scored: dict[Convention, float] = {}
 
         def screen(near: Convention) -> float:
-            """What the convention's positions score at most; the likeliest with them are kept."""
+            """Keep the likeliest conventions with these positions; an upper bound of their scores."""
             match = self._match(near)
             at_most = self._at_most(match, near)
             if len(scored) < most or at_most >= min(scored.values()):
@@ -129,7 +129,7 @@ class Screening:
         return fits - PER_MISTAKE * mistakes(convention)
 
     def _at_most(self, match: _Match, near: Convention) -> float:
-        """What no torque columns, signs and scales beside these positions score more than."""
+        """An upper bound of the score with these positions, whatever the torque columns, signs and scales."""
         left = np.minimum(match.fixed.min(axis=0), match.free).min(axis=1)
         ones = (1.0,) * self.n
         fewest = replace(near, torque_order=near.position_order, torque_sign=ones, scale=ones)

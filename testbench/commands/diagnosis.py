@@ -54,7 +54,8 @@ def diagnose(
 
     from ..runs import first_look
 
-    stated, look = drives.stated(), first_look(logs[0], model, chosen.choice(), map)
+    stated, choice = drives.stated(), chosen.choice()
+    look = first_look(logs[0], model, choice, map)
     if stated is not None or look.servo:
         from diagnosis.servos.job import WRITTEN as WRITTEN_OF_SERVOS
         from diagnosis.servos.job import diagnose_servo_logs
@@ -66,7 +67,7 @@ def diagnose(
             raise InputError("testbench", option, expected, got)
         with results_folder(out, WRITTEN_OF_SERVOS):
             found = diagnose_servo_logs(
-                model, logs, out, stated, without or (), jobs, map, chosen.choice(), look.joint_names
+                model, logs, out, stated, without or (), jobs, map, choice, look.joint_names
             )
         print_servo_summary(found)
         return
@@ -83,7 +84,7 @@ def diagnose(
             cutoff,
             payload or (),
             map,
-            chosen.choice(),
+            choice,
             look.joint_names,
         )
     # It is imported by then, behind the closed loop.

@@ -178,7 +178,8 @@ def identify(
     options = options_of(
         estimator, identification_model, differentiation, parameters, cutoff, dead_zone, strict
     )
-    stated, look = drives.stated(), first_look(logs[0], model, chosen.choice(), map)
+    stated, choice = drives.stated(), chosen.choice()
+    look = first_look(logs[0], model, choice, map)
     if stated is not None or look.servo:
         from ..drives.job import identify_servo_logs
 
@@ -199,7 +200,7 @@ def identify(
                 effect or (),
                 write_model,
                 map,
-                chosen.choice(),
+                choice,
                 look.joint_names,
             )
         return
@@ -207,6 +208,4 @@ def identify(
         option = "--effect" if effect else "--fit-share"
         raise InputError("testbench", option, "logs without torque, or --drive", "logs with torque")
     with results_folder(out, ("estimate.json", "report.html")):
-        identify_logs(
-            model, logs, validate or [], out, options, write_model, map, chosen.choice(), look.joint_names
-        )
+        identify_logs(model, logs, validate or [], out, options, write_model, map, choice, look.joint_names)

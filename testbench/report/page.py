@@ -146,7 +146,7 @@ def time_stamp() -> str:
 def rendered(template: str, packages: Sequence[str], created: str, **content: Any) -> str:
     """A page as text, plotly in it. created: of ``time_stamp``.
 
-    packages: in whose folders ``templates`` pages are sought, in this order.
+    packages: whose folders ``templates`` are searched, in this order.
     """
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package) for package in packages]),

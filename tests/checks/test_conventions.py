@@ -132,7 +132,7 @@ def test_a_scale_is_said_of_the_joints_that_move(arm, healthy_runs):
 
 
 def test_where_another_unit_is_only_suspected_no_effect_is_named(arm, healthy_runs):
-    """What the model does not explain keeps it from being certain; were it so, it would stop."""
+    """The model leaves too much of this torque for the unit to be certain, which would stop."""
 
     def odd(run: Recording) -> Recording:
         torque = run.torque * [1.0, 0.005]
