@@ -89,8 +89,9 @@ def test_criterion_gradient_equals_central_differences(name):
     assert np.sum(gradient * direction) == pytest.approx((ends[0] - ends[1]) / (2 * STEP), rel=1e-6)
 
 
-def test_criteria_are_what_their_names_say():
-    matrix = np.random.default_rng(3).normal(size=(3000, 40)) * np.logspace(-2, 2, 40)
+@pytest.mark.parametrize("columns", [40, 200])
+def test_criteria_are_what_their_names_say(columns):
+    matrix = np.random.default_rng(3).normal(size=(3000, columns)) * np.logspace(-2, 2, columns)
     values = criterion_values(matrix, 1000)
     information = matrix.T @ matrix / 1000
     unit = matrix / np.linalg.norm(matrix, axis=0)

@@ -59,29 +59,32 @@ class Fit:
 
 
 class Normal:
-    """Sums over each fold's used rows of one joint: X'X (F, n, p, p) and X'y (F, n, p)."""
+    """Sums over each fold's used rows of one joint: X'X (u, u) of what loads it, and X'y (F, n, p)."""
 
     def __init__(self, hypothesis: Design):
-        base = ground(hypothesis.prepared)
-        folds, n, p = len(base.folds), base.joints, len(hypothesis.precision)
-        first = base.parameters
-        self.xx, self.xy = np.zeros((folds, n, p, p)), np.zeros((folds, n, p))
-        self.xx[:, :, :first, :first], self.xy[:, :, :first] = base.xx, base.xy
-        if not hypothesis.accepted:
-            return
-        for joint, loading in enumerate(hypothesis.loading):
-            before, at = loading[loading < first], loading[loading >= first]
-            for fold in range(folds):
-                x, z = base.x(fold, joint), hypothesis.added[fold][joint]
-                cross = x.T @ z
-                self.xx[fold, joint, before[:, None], at] = cross
-                self.xx[fold, joint, at[:, None], before] = cross.T
-                self.xx[fold, joint, at[:, None], at] = z.T @ z
-                self.xy[fold, joint, at] = z.T @ base.y[fold][joint]
+        self._hypothesis, base = hypothesis, ground(hypothesis.prepared)
+        self.xx = [[self._with_effects(f, j) for j in range(base.joints)] for f in range(len(base.folds))]
+        self.xy = np.zeros((len(base.folds), base.joints, len(hypothesis.precision)))
+        self.xy[:, :, : base.parameters] = base.xy
+        for fold, joint in np.ndindex(*self.xy.shape[:2]):
+            own, z = hypothesis.loading[joint], hypothesis.added[fold][joint]
+            self.xy[fold, joint, own[own >= base.parameters]] = z.T @ base.y[fold][joint]
+
+    def _with_effects(self, fold: int, joint: int) -> Array:
+        """X'X of one fold and joint: the base regressor's, bordered by that of the effects."""
+        base, z = ground(self._hypothesis.prepared), self._hypothesis.added[fold][joint]
+        if not z.shape[1]:
+            return base.xx[fold][joint]
+        cross = base.x(fold, joint).T @ z
+        return np.block([[base.xx[fold][joint], cross], [cross.T, z.T @ z]])
 
     def weighted(self, weights: Array) -> tuple[Array, Array]:
         """The sums of each fold over the joints by their weights (n,): (F, p, p) and (F, p)."""
-        return np.einsum("j,fjab->fab", weights, self.xx), np.einsum("j,fja->fa", weights, self.xy)
+        found = np.zeros((len(self.xx), *2 * [self.xy.shape[2]]))
+        for of_fold, sums in zip(self.xx, found, strict=True):
+            for xx, own, weight in zip(of_fold, self._hypothesis.loading, weights, strict=True):
+                sums[own[:, None], own] += weight * xx
+        return found, np.einsum("j,fja->fa", weights, self.xy)
 
 
 @lru_cache(maxsize=2)

@@ -60,7 +60,7 @@ class Stage:
         self.residual, self.held = ground.rows(fitted.residual), ground.rows(fitted.held_out)
         normal = normal_of(hypothesis)
         self.xx, self.xy = normal.xx, normal.xy
-        self.parts = np.einsum("j,fjab->fab", self.weights, self.xx)
+        self.parts = normal.weighted(self.weights)[0]
         self.precision = np.diag(scaled_precision(hypothesis, fitted.prior_scales))
         self.total = self.parts.sum(axis=0) + self.precision
         self.xh, falls = (hypothesis.products(dict(enumerate(of))) for of in (self.held, self.residual))
@@ -255,7 +255,7 @@ class Stage:
             moved = np.zeros((len(self.hypothesis.precision), count))
             np.add.at(moved.T, bank.owner, -(through * apart[f]).T)
             for j, loading in enumerate(self.hypothesis.loading):
-                own, xx = moved[loading], self.xx[f, j][loading[:, None], loading]
+                own, xx = moved[loading], self.xx[f][j]
                 drop[:, j] += 2 * (self.xh[f, j, loading] @ own) - np.sum(own * (xx @ own), axis=0)
                 if not len(at := bank.reached[j]):
                     continue

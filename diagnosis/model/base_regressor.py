@@ -29,8 +29,9 @@ class Ground:
 
     loading: (n,) the unknowns (u,) that load each joint: of the links that it moves, and the timing error.
     gap: a run, (M, n) N·m, torque less the model's. used: a fold, a joint, the run's samples that count. y:
-    their rows of the gap, (m,). xx, xy: the products, (F, n, p, p) and (F, n, p). precision: (p,) of the
-    prior. torque_rms: (n,) N·m of the joints' torque. is_small: whether gathered rows are kept.
+    their rows of the gap, (m,). xx, xy: the products, (u, u) of a fold and what loads a joint, and (F, n, p).
+    precision: (p,) of the prior. torque_rms: (n,) N·m of the joints' torque. is_small: whether gathered rows
+    are kept.
     """
 
     def __init__(self, prepared: Prepared):
@@ -61,11 +62,7 @@ class Ground:
             for run, part in self.folds
         ]
         self.y = self.rows(self.gap)
-        self.xx = np.zeros((len(self.folds), self.joints, self.parameters, self.parameters))
-        for fold in range(len(self.folds)):
-            for joint, own in enumerate(self.loading):
-                x = self.x(fold, joint)
-                self.xx[fold, joint, own[:, None], own] = x.T @ x
+        self.xx = [[self._square(f, j) for j in range(self.joints)] for f in range(len(self.folds))]
         self.xy = self.products(dict(enumerate(self.y)))
 
     @property
@@ -97,6 +94,11 @@ class Ground:
         if (fold, joint) not in self._x:
             self._x[fold, joint] = self.columns(run, joint)[used]
         return self._x[fold, joint]
+
+    def _square(self, fold: int, joint: int) -> Array:
+        """X'X of one fold and joint, (u, u)."""
+        x = self.x(fold, joint)
+        return x.T @ x
 
     def _stacked(self, run: int, joint: int, part: slice | NDArray[np.int64]) -> Array:
         """Some samples of the standard regressor, with the timing error to the right of it."""

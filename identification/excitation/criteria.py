@@ -24,7 +24,8 @@ from ..kinematics import kernel
 
 Array = NDArray[np.float64]
 
-BLOCK_PRODUCT = 1 << 17
+# Multiplications of a block's product, and numbers of all blocks' products that are held at once.
+BLOCK_PRODUCT, GRAM_NUMBERS = 1 << 17, 1 << 20
 RIDGE = 1e-13
 SWEEPS, EIGEN_TOLERANCE = 30, 1e-28
 
@@ -178,8 +179,13 @@ def _blocks(matrix: Array) -> Array:
 
 def _gram(matrix: Array) -> Array:
     """matrix' matrix, (b, b)."""
-    blocks = _blocks(matrix)
-    return np.sum(blocks.transpose(0, 2, 1) @ blocks, axis=0)
+    found, blocks = np.zeros(2 * [matrix.shape[1]]), _blocks(matrix)
+    # The blocks' own products of many joints are more than the memory holds.
+    at_once = max(1, GRAM_NUMBERS // found.size)
+    for first in range(0, len(blocks), at_once):
+        some = blocks[first : first + at_once]
+        found += np.sum(some.transpose(0, 2, 1) @ some, axis=0)
+    return found
 
 
 def _times(matrix: Array, factors: Array) -> Array:
