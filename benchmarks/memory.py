@@ -15,7 +15,7 @@ import numpy as np
 from diagnosis.data.mended_log import rate_for
 from diagnosis.data.preparation import prepare, thinned_by
 from diagnosis.data.run import CUTOFF
-from diagnosis.model.library import Sought
+from diagnosis.model.library import Library
 from identification.base_parameters import base_parameters
 from identification.filtering import decimation_step
 from identification.inverse_dynamics import inverse_dynamics
@@ -100,9 +100,9 @@ def _equations(robot: Robot, case: Case) -> float:
         instants = seconds * case.rate / decimation_step(case.rate, Preprocessing().cutoff)
         return instants * robot.joints * base_parameters(robot.chain, DEFAULT_GROUPS).count * 8 / 2**30
     short = _recording(robot, replace(case, seconds=SHORT), np.random.default_rng(0))
-    prepared, sought = prepare(robot, {"short": short}), Sought(())
-    sought.along(prepared)
-    effects = [each for run in (*sought.motions, *sought.catalogue) for each in run.filtered]
+    prepared, library = prepare(robot, {"short": short}), Library(())
+    library.along(prepared)
+    effects = [each for run in (*library.motions, *library.catalogue) for each in run.filtered]
     columns = sum(each[0].size for each in (*effects, *prepared.runs[0].rows))
     return columns * _kept(case, robot.joints) * 8 / 2**30
 

@@ -47,10 +47,10 @@ def standard_candidate(base: BaseParameters, nominal: Array, values: Array) -> A
     """A standard vector (14 n,) with the base values (b,): ``nominal`` but for the leading parameters.
 
     The projection is the identity on the leading parameters, so that they alone can carry any correction.
-    Friction, armature and offsets that were not sought are zero, as in the equations.
+    Friction, armature and offsets that were not estimated are zero, as in the equations.
     """
     standard = nominal.copy()
-    sought = np.any(base.projection != 0, axis=0)
-    standard[~sought & (np.arange(len(standard)) % PER_JOINT >= INERTIAL)] = 0.0
+    estimated = np.any(base.projection != 0, axis=0)
+    standard[~estimated & (np.arange(len(standard)) % PER_JOINT >= INERTIAL)] = 0.0
     standard[base.columns] += values - base.values(standard)
     return standard

@@ -33,7 +33,7 @@ MOST_AT_ONCE = 1 << 27
 class Problem:
     """What an estimator is given.
 
-    chain: kinematics. base: the parameters sought. observations: the equations of every run fitted.
+    chain: kinematics. base: the parameters to estimate. observations: the equations of every run fitted.
     motions: the raw runs behind them, in the same order. preprocessing: how one became the other.
     nominal: (14 n,) standard parameters of the model as given, a starting point and a prior.
     closed_loop: simulates the runs, where the logs tell reference and controller. prior: holds what the

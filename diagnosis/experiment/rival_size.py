@@ -12,7 +12,7 @@ from ..decision.findings import Diagnosis
 from ..fit.likelihood import weigh
 from ..fit.normal_equations import fitted_to
 from ..fit.score import Stage
-from ..model.base_regressor import ground
+from ..model.base_regressor import base_regressor
 from ..model.candidates import candidate
 from ..model.gram import Bank
 from .rivals import Open, Rival
@@ -52,7 +52,7 @@ def _fitted(diagnosis: Diagnosis, rival: Rival) -> Sized | None:
 def _in_place_of(diagnosis: Diagnosis, first: Rival, rival: Rival) -> Sized | None:
     """The rival as it is fitted where the first one is left out, by the measure of the diagnosis."""
     hypothesis = diagnosis.final[0]
-    prepared, base = hypothesis.prepared, ground(hypothesis.prepared)
+    prepared, base = hypothesis.prepared, base_regressor(hypothesis.prepared)
     rest = [each for each in hypothesis.accepted if each.place != (first.effect, first.joint, first.into)]
     logged = [run.logged for run in prepared.runs]
     family = effect(rival.effect).signature(logged, rival.joint, rival.into)
@@ -68,7 +68,7 @@ def _in_place_of(diagnosis: Diagnosis, first: Rival, rival: Rival) -> Sized | No
 
 def _typical(diagnosis: Diagnosis, rival: Rival) -> Sized | None:
     """The middle of the family's grid, its coefficients such that its size comes out typical."""
-    logged = diagnosis.prepared.runs[0].logged.foretold()
+    logged = diagnosis.prepared.runs[0].logged.as_predicted()
     family = effect(rival.effect).signature([logged], rival.joint, rival.into)
     if not family.members:
         return None

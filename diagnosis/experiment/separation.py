@@ -75,7 +75,7 @@ class Separation:
         NaN for a rival without a size, zero for one that the motion leaves without columns. Whatever rate
         a run was logged at, it is judged at that of the motions.
         """
-        logged = logged.foretold().thinned(max(int(logged.sample_rate / SAMPLE_RATE), 1))
+        logged = logged.as_predicted().thinned(max(int(logged.sample_rate / SAMPLE_RATE), 1))
         lowpass = decimating_filter(logged.sample_rate, filter_cutoff(logged.sample_rate))
         blocks: list[Block] = []
         count = len(self.columns)

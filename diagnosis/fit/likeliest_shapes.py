@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Member
 from testbench.robot import Robot
 
-from ..model.base_regressor import ground
+from ..model.base_regressor import base_regressor
 from ..model.candidates import Candidate, candidate
 from ..model.effect_sizes import is_plausible
 from ..model.hypothesis import Design, design
@@ -75,7 +75,7 @@ def _stepped(hypothesis: Design, fitted: Fit, place: int) -> dict[str, float]:
     each = hypothesis.accepted[place]
     names = searched_for(each)
     slopes = slopes_by_shapes(hypothesis, fitted, place, names)
-    step = Stage(ground(hypothesis.prepared), hypothesis, fitted).exactly(slopes)
+    step = Stage(base_regressor(hypothesis.prepared), hypothesis, fitted).exactly(slopes)
     if step is None:
         return dict(each.member.shape)
     stepped = np.clip(np.array([each.member.shape[name] for name in names]) + step[1], *ranges(each, names))
@@ -94,7 +94,7 @@ def at_likeliest_shape(
     each, prepared = hypothesis.accepted[place], hypothesis.prepared
     others = design(prepared, [*hypothesis.accepted[:place], *hypothesis.accepted[place + 1 :]])
     # By the weights of the whole: without the effect its joint would seem to be the noisier.
-    stage = Stage(ground(prepared), others, fit(prepared, others, like=fitted))
+    stage = Stage(base_regressor(prepared), others, fit(prepared, others, like=fitted))
     before = stage.exactly(each)
     if before is None:
         return each

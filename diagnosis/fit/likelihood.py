@@ -117,7 +117,7 @@ def weigh(stage: Stage, *banks: Bank, allowed: Callable[[Gain], bool] = lambda g
 
 def likeliest_of(stage: Stage, family: Family, members: Sequence[Member]) -> list[Weighed]:
     """The likeliest of some members of a family; nothing where none shows."""
-    return weigh(stage, Bank(stage.ground, [candidate(stage.prepared, family, each) for each in members]))
+    return weigh(stage, Bank(stage.base, [candidate(stage.prepared, family, each) for each in members]))
 
 
 def _likeliness(weighed: Weighed) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from identification.covariance import variance_inflation
 
 from ..data.run import Prepared
-from ..model.base_regressor import ground
+from ..model.base_regressor import base_regressor
 from ..model.candidates import Candidate
 from ..model.hypothesis import Design, bounds, design, likeliest_scales, scaled_precision
 from .bounded import RIDGE, solve
@@ -62,7 +62,7 @@ class Normal:
     """Sums over each fold's used rows of one joint: X'X (u, u) of what loads it, and X'y (F, n, p)."""
 
     def __init__(self, hypothesis: Design):
-        self._hypothesis, base = hypothesis, ground(hypothesis.prepared)
+        self._hypothesis, base = hypothesis, base_regressor(hypothesis.prepared)
         self.xx = [[self._with_effects(f, j) for j in range(base.joints)] for f in range(len(base.folds))]
         self.xy = np.zeros((len(base.folds), base.joints, len(hypothesis.precision)))
         self.xy[:, :, : base.parameters] = base.xy
@@ -72,7 +72,7 @@ class Normal:
 
     def _with_effects(self, fold: int, joint: int) -> Array:
         """X'X of one fold and joint: the base regressor's, bordered by that of the effects."""
-        base, z = ground(self._hypothesis.prepared), self._hypothesis.added[fold][joint]
+        base, z = base_regressor(self._hypothesis.prepared), self._hypothesis.added[fold][joint]
         if not z.shape[1]:
             return base.xx[fold][joint]
         cross = base.x(fold, joint).T @ z
@@ -247,7 +247,7 @@ def _left(hypothesis: Design, run: int, part: slice, values: Array) -> Array:
 
 def left_everywhere(hypothesis: Design, run: int, part: slice, values: Array) -> Array:
     """The same where samples do not count, too."""
-    base = ground(hypothesis.prepared)
+    base = base_regressor(hypothesis.prepared)
     own = values[: base.parameters]
     each = enumerate(base.loading)
     fitted = np.column_stack([base.columns(run, joint, part) @ own[loading] for joint, loading in each])

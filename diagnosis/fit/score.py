@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model.base_regressor import Ground
+from ..model.base_regressor import BaseRegressor
 from ..model.candidates import Candidate
 from ..model.gram import Bank
 from ..model.hypothesis import Design, design, log_prior, scaled_precision
@@ -54,10 +54,10 @@ class Gain:
 class Stage:
     """A fitted hypothesis, ready to weigh candidates."""
 
-    def __init__(self, ground: Ground, hypothesis: Design, fitted: Fit):
-        self.ground, self.hypothesis, self.fitted = ground, hypothesis, fitted
-        self.prepared, self.weights = ground.prepared, fitted.weights
-        self.residual, self.held = ground.rows(fitted.residual), ground.rows(fitted.held_out)
+    def __init__(self, base: BaseRegressor, hypothesis: Design, fitted: Fit):
+        self.base, self.hypothesis, self.fitted = base, hypothesis, fitted
+        self.prepared, self.weights = base.prepared, fitted.weights
+        self.residual, self.held = base.rows(fitted.residual), base.rows(fitted.held_out)
         normal = normal_of(hypothesis)
         self.xx, self.xy = normal.xx, normal.xy
         self.parts = normal.weighted(self.weights)[0]
@@ -83,9 +83,9 @@ class Stage:
         self._weighed: WeakKeyDictionary[Bank, list[Gain | None]] = WeakKeyDictionary()
 
     @classmethod
-    def of(cls, ground: Ground, accepted: Sequence[Candidate]) -> "Stage":
+    def of(cls, base: BaseRegressor, accepted: Sequence[Candidate]) -> "Stage":
         """The hypothesis with these effects, fitted in full."""
-        return cls(ground, *fitted_to(ground.prepared, accepted))
+        return cls(base, *fitted_to(base.prepared, accepted))
 
     def with_effects(self, more: Sequence[Candidate]) -> tuple[Design, Fit]:
         """The hypothesis with more effects, fitted in full."""
@@ -122,14 +122,14 @@ class Stage:
 
     def gain(self, candidate: Candidate) -> Gain | None:
         """Gain of one candidate; None where its columns are zero on these runs."""
-        return self.gains(Bank(self.ground, [candidate]))[0]
+        return self.gains(Bank(self.base, [candidate]))[0]
 
     def exactly(self, candidate: Candidate) -> tuple[float, Array] | None:
         """The drop of the objective, and the candidate's coefficients (k,), with all unknowns within bounds.
 
         What is at a bound without it may leave it. None where its columns are zero on these runs.
         """
-        bank = Bank(self.ground, [candidate])
+        bank = Bank(self.base, [candidate])
         sums = self._sums(bank)
         own = np.einsum("j,fjab->ab", self.weights, bank.squares[0][0])
         if not np.any(np.diag(own) > 0):

@@ -18,7 +18,7 @@ from testbench.effects.signature import Quantity
 
 from ..data.run import Prepared, Run
 from ..fit.normal_equations import Fit, fitted_to, normal_of
-from ..model.base_regressor import ground
+from ..model.base_regressor import base_regressor
 from ..model.candidates import Candidate, candidate
 from ..model.effect_sizes import is_plausible
 from ..model.hypothesis import Design, scaled_precision
@@ -132,7 +132,7 @@ def _reference(columns: _Columns, own: _Own) -> int:
 
 
 def _columns(hypothesis: Design, fitted: Fit, kind: str, payload: Candidate) -> _Columns:
-    prepared, base = hypothesis.prepared, ground(hypothesis.prepared)
+    prepared, base = hypothesis.prepared, base_regressor(hypothesis.prepared)
     n = prepared.joints
     parts: list[tuple[Array, Array, Array, NDArray[np.bool_]]] = []
     for index, run in enumerate(prepared.runs):
@@ -215,7 +215,7 @@ def _is_large(prepared: Prepared, own: _Own, index: int) -> bool:
     n = prepared.joints
     deviations = np.sqrt(np.maximum(variances[-n:], np.finfo(float).tiny))
     values = np.abs(coefficients[-n:])
-    large = values > LEAST_OFFSET * ground(prepared).torque_rms
+    large = values > LEAST_OFFSET * base_regressor(prepared).torque_rms
     return bool(np.any(large & (values > SURELY * deviations)))
 
 

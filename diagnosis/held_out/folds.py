@@ -10,7 +10,7 @@ from ..data.run import Prepared
 from ..fit.likelihood import gained
 from ..fit.normal_equations import fitted_to, is_extrapolated, squares
 from ..fit.score import Stage
-from ..model.base_regressor import ground
+from ..model.base_regressor import base_regressor
 from ..model.gram import Bank
 
 # A run is extrapolated to where that leaves no less than this share of the joint's torque.
@@ -20,13 +20,13 @@ SEEN = 0.01
 PARTS = (12, 6, 3, 3, 3, 3, 2)
 # An effect that gains this log-likelihood in one run, which is this share of all that it gains, and that the
 # others hardly predict: less than this share of it.
-TOLD, OF_ONE, FORETOLD = 30.0, 0.9, 0.5
+TOLD, OF_ONE, PREDICTED = 30.0, 0.9, 0.5
 
 
 def covered(prepared: Prepared) -> Prepared:
     """The runs with folds that the others predict: joints may move in turn, or in one run alone be fast."""
     hypothesis, fitted = fitted_to(prepared, [])
-    torque = ground(prepared).torque_rms
+    torque = base_regressor(prepared).torque_rms
     # A joint that moves in one run only is not identifiable from the others.
     alone: set[int] = set()
     if len(prepared.runs) > 1:
@@ -51,7 +51,7 @@ def covered_for(stage: Stage, bank: Bank) -> Prepared:
                 continue
             done = np.einsum("j,a,fjab,b->f", stage.weights, gain.coefficients, squared, gain.coefficients)
             of_runs = np.bincount(runs, done)
-            if of_runs.max() > OF_ONE * done.sum() and gained(stage, gain) < FORETOLD * gain.objective / 2:
+            if of_runs.max() > OF_ONE * done.sum() and gained(stage, gain) < PREDICTED * gain.objective / 2:
                 alone.add(int(of_runs.argmax()))
     return _in_parts(prepared, alone)
 

@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 from identification.parameters import MASS
 
 from ..data.run import Prepared
-from ..model.base_regressor import ground
+from ..model.base_regressor import base_regressor
 from ..model.candidates import Candidate
 from ..model.hypothesis import INDEPENDENT
 
@@ -80,7 +80,7 @@ def known_payloads(prepared: Prepared, payload: Candidate, masses: Mapping[int, 
 
 def _of_joint(prepared: Prepared, runs: Sequence[int], payload: Candidate, joint: int) -> tuple[Array, Array]:
     """L (m, 10 r) and t (m,) of |L c - t|², a joint's squares beside its base parameters, in its noise."""
-    base = ground(prepared)
+    base = base_regressor(prepared)
     used = [run.used[:, joint] for run in prepared.runs]
     x = np.concatenate([base.columns(run, joint)[u] for run, u in enumerate(used)])
     y = np.concatenate([own[u, joint] for own, u in zip(base.gap, used, strict=True)])

@@ -17,7 +17,7 @@ from ..model.hypothesis import Design
 Array = NDArray[np.float64]
 
 # Share of the push in each run that the other runs must predict.
-FORETOLD = 0.7
+PREDICTED = 0.7
 # Of the columns' squares, against loads that these runs do not distinguish.
 RIDGE = 1e-4
 REFINEMENTS, STEP = 30, 0.02
@@ -59,7 +59,7 @@ def _recurring(hypothesis: Design, fitted: Fit, pushed: Candidate, values: Array
         ]
         return min(shares), Recurrence(made, _solved(all_squared, all_right))
 
-    def foretold(kind: float, stretch: float, first: float, last: float) -> float:
+    def predicted(kind: float, stretch: float, first: float, last: float) -> float:
         shape = {"kind": kind, "stretch": stretch, "first": first, "last": last}
         shapes.append((judged(shape)[0], shape))
         return shapes[-1][0]
@@ -69,7 +69,7 @@ def _recurring(hypothesis: Design, fitted: Fit, pushed: Candidate, values: Array
             start, end = narrowed(first, last, stretch)
             if start < end:
                 for kind in KINDS:
-                    foretold(float(kind), stretch, start, end)
+                    predicted(float(kind), stretch, start, end)
     if not shapes:
         return None
     _, best = max(shapes, key=itemgetter(0))
@@ -77,7 +77,7 @@ def _recurring(hypothesis: Design, fitted: Fit, pushed: Candidate, values: Array
 
     def negative(ends: Array) -> float:
         first, last = np.sort(ends).tolist()
-        return -foretold(best["kind"], best["stretch"], first, last)
+        return -predicted(best["kind"], best["stretch"], first, last)
 
     simplex = ends_found + STEP * np.array([[0, 0], [1, 0], [0, 1]])
     minimize(
@@ -87,7 +87,7 @@ def _recurring(hypothesis: Design, fitted: Fit, pushed: Candidate, values: Array
         options={"maxfev": REFINEMENTS, "initial_simplex": simplex},
     )
     share, found = judged(max(shapes, key=itemgetter(0))[1])
-    return found if share > FORETOLD else None
+    return found if share > PREDICTED else None
 
 
 def _sums(

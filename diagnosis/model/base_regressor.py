@@ -24,7 +24,7 @@ LEAST_TORQUE = 1e-9
 MOST_KEPT = 1 << 27
 
 
-class Ground:
+class BaseRegressor:
     """Base regressor and gap of prepared runs, with their used rows gathered by fold and joint.
 
     loading: (n,) the unknowns (u,) that load each joint: of the links that it moves, and the timing error.
@@ -115,6 +115,6 @@ class Ground:
 
 
 @lru_cache(maxsize=2)
-def ground(prepared: Prepared) -> Ground:
-    """The ground of prepared runs; that of the last two linearisations is remembered."""
-    return Ground(prepared)
+def base_regressor(prepared: Prepared) -> BaseRegressor:
+    """The base regressor of prepared runs; that of the last two linearisations is remembered."""
+    return BaseRegressor(prepared)

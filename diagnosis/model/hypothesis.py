@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from identification.parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_JOINT, VISCOUS
 
 from ..data.run import Prepared
-from .base_regressor import ground
+from .base_regressor import base_regressor
 from .candidates import Candidate
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ class Design:
     @property
     def parameters(self) -> int:
         """Number of unknowns before the effects' coefficients."""
-        return ground(self.prepared).parameters
+        return base_regressor(self.prepared).parameters
 
     @property
     def timing(self) -> int:
@@ -61,7 +61,7 @@ class Design:
     @property
     def gap(self) -> tuple[Array, ...]:
         """Torque less the model's, a run (M, n) N·m."""
-        return ground(self.prepared).gap
+        return base_regressor(self.prepared).gap
 
     @property
     def used(self) -> tuple[NDArray[np.bool_], ...]:
@@ -121,13 +121,13 @@ class Design:
             np.concatenate(
                 [every[: self.parameters][own], *(every[p] for c, p in effects if joint in c.member.rows)]
             )
-            for joint, own in enumerate(ground(self.prepared).loading)
+            for joint, own in enumerate(base_regressor(self.prepared).loading)
         )
 
     @cached_property
     def added(self) -> list[list[Array]]:
         """Used rows of the effects' columns that reach a joint, (m, k): a fold, a joint."""
-        base = ground(self.prepared)
+        base = base_regressor(self.prepared)
 
         def rows(fold: int, joint: int) -> Array:
             reaching = [(c, c.member.rows.index(joint)) for c in self.accepted if joint in c.member.rows]
@@ -144,7 +144,7 @@ class Design:
         """Used rows of what loads a joint, (m, u)."""
         if (fold, joint) in self._x:
             return self._x[fold, joint]
-        base = ground(self.prepared)
+        base = base_regressor(self.prepared)
         found = np.concatenate([base.x(fold, joint), self.added[fold][joint]], axis=1)
         if base.is_small:
             self._x[fold, joint] = found
@@ -153,7 +153,7 @@ class Design:
     def products(self, y: Mapping[int, Sequence[Array]]) -> Array:
         """X'y (F, n, p) of used rows (m,) of some folds: by fold, in their order, and joint."""
         found = np.zeros((len(y), self.prepared.joints, len(self.precision)))
-        found[:, :, : self.parameters] = ground(self.prepared).products(y)
+        found[:, :, : self.parameters] = base_regressor(self.prepared).products(y)
         for place, (fold, left) in enumerate(y.items()):
             for joint, own in enumerate(self.loading):
                 found[place, joint, own[own >= self.parameters]] = self.added[fold][joint].T @ left[joint]
@@ -163,12 +163,12 @@ class Design:
 def design(prepared: Prepared, accepted: Sequence[Candidate] = (), is_delayed: bool = False) -> Design:
     """The hypothesis that these effects act, and no other. is_delayed: but for a delay, known apart."""
     # A window in which next to nothing counts must not hold a push without bounds.
-    push = (LARGEST_PUSH * float(ground(prepared).torque_rms.max())) ** -2.0
+    push = (LARGEST_PUSH * float(base_regressor(prepared).torque_rms.max())) ** -2.0
     free = [np.full(c.count, push) if c.is_event else c.precision for c in accepted]
-    precision = np.concatenate([ground(prepared).precision, *free])
+    precision = np.concatenate([base_regressor(prepared).precision, *free])
     if is_delayed or any(c.is_common_delay for c in accepted):
         # A delay that is an effect leaves none to the way the log was taken.
-        precision[ground(prepared).parameters - 1] = NO_TIMING**-2
+        precision[base_regressor(prepared).parameters - 1] = NO_TIMING**-2
     return Design(prepared, tuple(accepted), precision)
 
 

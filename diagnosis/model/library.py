@@ -21,7 +21,7 @@ SAME_LOAD = 0.05
 
 
 @dataclass
-class Sought:
+class Library:
     """The catalogue without some effects, along runs that are linearised again and again.
 
     motions: free functions of the motion. catalogue: all members of all families, but of effects that act at

@@ -62,7 +62,7 @@ def _is_seen(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     gain, family = weighed.gain, weighed.candidate.family
     is_absorbed = family.swallowed and gain.overlap > ABSORBED
     own = list(range(stage.prepared.joints) if is_absorbed else weighed.candidate.member.rows)
-    seen = (stage.removed(gain) > SMALLEST_TORQUE * stage.ground.torque_rms)[own]
+    seen = (stage.removed(gain) > SMALLEST_TORQUE * stage.base.torque_rms)[own]
     if np.any(seen & (stage.shares(gain)[own] > SMALLEST_SHARE)):
         return True
     return bool(np.any(seen) and weighed.score > SMALLEST_GAIN and _is_certainly_beyond(robot, stage, gain))
@@ -79,4 +79,4 @@ def _is_certainly_beyond(robot: Robot, stage: Stage, gain: Gain) -> bool:
     if gain.wald < SMALLEST_WALD:
         return False
     least = (1 - BEYOND / np.sqrt(gain.wald)) * gain.coefficients
-    return is_beyond_healthy(robot, stage.ground.torque_rms, gain.candidate, least)
+    return is_beyond_healthy(robot, stage.base.torque_rms, gain.candidate, least)

@@ -17,7 +17,7 @@ from ..fit.score import Gain, Stage
 from ..model.candidates import SATURATION, Candidate, Place, in_parallel
 from ..model.gram import Bank
 from ..model.hypothesis import Design
-from ..residual.unexplained import fitted_shares, foretold_shares
+from ..residual.unexplained import fitted_shares, predicted_shares
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ BURST_TORQUE = 0.01
 # Noise is what the block in the middle has: the highest is so many times that, and each of a burst so many.
 BURST_HEIGHT_NOISE, BEYOND_NOISE = 8.0, 3.0
 # Share of the joint's squared residual from which a function of the motion is the cause.
-FORETOLD = 0.25
+PREDICTED = 0.25
 # And share that one fits of it, though it does not predict it: runs may reach different places. Up to the
 # second, a push that leaves so much less is likelier: anything fits a part of a burst.
 FITTED, MOSTLY_FITTED, LESS_LEFT = 0.5, 0.8, 0.25
@@ -82,14 +82,14 @@ def contact(
     it was seen, and pays for its coefficients instead (Akaike). free: candidates of generic.py; a joint whose
     residual one of them predicts was not pushed.
     """
-    foretold = foretold_shares(stage, free)
+    predicted = predicted_shares(stage, free)
     fitted = fitted_shares(stage, free)
     bursts, noise = _in_bursts(stage)
     # What a limit that clips softly leaves is in bursts, too.
     clipped = stage.hypothesis.joints_with(SATURATION)
-    unforetold = [j for j in bursts if foretold[j] < FORETOLD and j not in clipped]
+    unpredicted = [j for j in bursts if predicted[j] < PREDICTED and j not in clipped]
     pushed = dict.fromkeys(
-        tuple(j for j in unforetold if fitted[j] < most) for most in (FITTED, MOSTLY_FITTED)
+        tuple(j for j in unpredicted if fitted[j] < most) for most in (FITTED, MOSTLY_FITTED)
     )
     # So is what bristles leave that were bent when a run began.
     bristled = stage.hypothesis.yielding
@@ -207,7 +207,7 @@ def _explained(before: Array, after: Array, noise: Array) -> Array:
 def _of_each_load(stage: Stage, tried: Sequence[Candidate]) -> list[Gain]:
     """The likeliest profile of each kind of load on each link."""
     best: dict[tuple[Place, float], Gain] = {}
-    for gain in stage.gains(Bank(stage.ground, tried)):
+    for gain in stage.gains(Bank(stage.base, tried)):
         if gain is not None:
             load = gain.candidate.place, gain.candidate.member.shape["kind"]
             if load not in best or gain.objective > best[load].objective:
@@ -281,7 +281,7 @@ def _in_bursts(stage: Stage) -> tuple[dict[int, set[tuple[int, int]]], Array]:
         noise[joint] = min(middle * samples, noise[joint])
         largest = sorted(blocks, key=lambda place: -blocks[place])[: max(round(BURST_TIME * len(blocks)), 1)]
         burst = sum(blocks[place] - middle for place in largest)
-        enough = (BURST_TORQUE * stage.ground.torque_rms[joint]) ** 2 * len(blocks)
+        enough = (BURST_TORQUE * stage.base.torque_rms[joint]) ** 2 * len(blocks)
         beyond = sum(blocks.values()) - middle * len(blocks)
         highest = blocks[largest[0]]
         if burst > BURST_SHARE * beyond and burst > enough and highest > BURST_HEIGHT_NOISE * middle:

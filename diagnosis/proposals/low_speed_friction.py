@@ -167,7 +167,7 @@ def _is_left(stage: Stage, joint: int, width: float) -> bool:
     if not falling:
         return False
     rest = [c for c in accepted if c is not falling[0]]
-    alone = Stage.of(stage.ground, rest)
+    alone = Stage.of(stage.base, rest)
     soft, fall = alone.gain(_missing(stage.prepared, joint, width)), alone.gain(falling[0])
     return fall is not None and (soft is None or gained(alone, soft) < AS_MUCH * gained(alone, fall))
 

@@ -24,7 +24,7 @@ from ..fit.score import Gain, Stage
 from ..model.candidates import SATURATION, Candidate, candidate
 from ..model.gram import Bank
 from ..model.hypothesis import log_prior
-from ..residual.unexplained import foretold_shares
+from ..residual.unexplained import predicted_shares
 
 Array = NDArray[np.float64]
 
@@ -111,8 +111,8 @@ def saturation(stage: Stage, free: Bank, limits: Sequence[Sequence[Cut]]) -> Wei
         trial = None if joint in known else _likeliest(stage, tried)
         if trial is not None and trial.clips and trial.score > SMALLEST_GAIN:
             found.append(trial)
-    foretold = foretold_shares(stage, free) if found else np.zeros(0)
-    found = [each for each in found if each.share > foretold[each.cut.joint]]
+    predicted = predicted_shares(stage, free) if found else np.zeros(0)
+    found = [each for each in found if each.share > predicted[each.cut.joint]]
     if not found:
         return None
     best = max(found, key=lambda trial: trial.score)
@@ -162,11 +162,11 @@ def asked_torque(prepared: Prepared, joint: int) -> list[Array]:
 
 
 def _trial(stage: Stage, limit: Cut) -> _Trial | None:
-    ground, weights, joint = stage.ground, stage.weights, limit.joint
-    folds, n, loading = range(len(ground.folds)), ground.joints, stage.hypothesis.loading
-    cut = [ground.rows_of(limit.candidate.filtered, f, joint, 0)[:, 0] for f in folds]
-    used = [ground.used[f][joint] for f in folds]
-    beyond = [limit.beyond[run][used[f]] for f, (run, _) in enumerate(ground.folds)]
+    base, weights, joint = stage.base, stage.weights, limit.joint
+    folds, n, loading = range(len(base.folds)), base.joints, stage.hypothesis.loading
+    cut = [base.rows_of(limit.candidate.filtered, f, joint, 0)[:, 0] for f in folds]
+    used = [base.used[f][joint] for f in folds]
+    beyond = [limit.beyond[run][used[f]] for f, (run, _) in enumerate(base.folds)]
     count = sum(int(rows.sum()) for rows in beyond)
     held = [stage.held[f][joint][beyond[f]] @ cut[f][beyond[f]] for f in folds]
     square = sum(float(np.sum(cut[f][beyond[f]] ** 2)) for f in folds)
@@ -175,7 +175,7 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     # What a fold's rows say of the parameters, less those beyond the limit.
     xx, xy = [], []
     for f in folds:
-        x, y, out = stage.hypothesis.x(f, joint), ground.y[f][joint], beyond[f]
+        x, y, out = stage.hypothesis.x(f, joint), base.y[f][joint], beyond[f]
         xx.append(stage.parts[f].copy())
         xx[f][loading[joint][:, None], loading[joint]] -= weights[joint] * x[out].T @ x[out]
         xy.append(weights @ stage.xy[f])
@@ -190,7 +190,7 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
         apart = _of_what_is_left(sum(xx) - xx[f] + stage.precision, whole)
         own = solve(apart, sum(xy) - xy[f], lower, upper)
         for j in range(n):
-            left = ground.y[f][j] - stage.hypothesis.x(f, j) @ own[loading[j]]
+            left = base.y[f][j] - stage.hypothesis.x(f, j) @ own[loading[j]]
             if j == joint:
                 out = beyond[f]
                 before = left[out] ** 2
@@ -239,8 +239,8 @@ def _bouts(
 
     cut: what is cut off there; each way is a time of its own.
     """
-    run, _ = stage.ground.folds[fold]
-    time = stage.prepared.runs[run].time[stage.ground.used[fold][joint]][beyond]
+    run, _ = stage.base.folds[fold]
+    time = stage.prepared.runs[run].time[stage.base.used[fold][joint]][beyond]
     another = (np.diff(time) > APART) | (np.diff(np.sign(cut)) != 0)
     parts = np.split(np.arange(len(time)), np.flatnonzero(another) + 1)
     return [(float(asked_for[part].sum()), float(clipped[part].sum())) for part in parts if len(part)]

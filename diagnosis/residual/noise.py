@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from ..data.run import Prepared, Run
-from ..model.base_regressor import ground
+from ..model.base_regressor import base_regressor
 
 Array = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ def noise(prepared: Prepared) -> Noise:
     found = [_quiet_band(run) for run in prepared.runs]
     of_torque = np.mean([square for square, _ in found], axis=0)
     seen = np.all([each for _, each in found], axis=0)
-    least = np.where(seen, 0.0, LEAST_UNSEEN) * ground(prepared).torque_rms
+    least = np.where(seen, 0.0, LEAST_UNSEEN) * base_regressor(prepared).torque_rms
     return Noise(np.maximum(np.sqrt(of_torque + prepared.encoder_torque**2), least), seen)
 
 

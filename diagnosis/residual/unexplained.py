@@ -47,7 +47,7 @@ MORE_THAN_CHANCE = 2.0
 TIMING = "rate of torque"
 
 
-def foretold_shares(stage: Stage, free: Bank) -> Array:
+def predicted_shares(stage: Stage, free: Bank) -> Array:
     """Largest share of each joint's held-out squared residual that a function of the motion removes, (n,).
 
     Functions of the run's time are left out: what happens at an instant is no function of the motion.
@@ -136,7 +136,7 @@ def _if_enough(first: Stage, last: Stage, joint: int, regime: str, more: float) 
     torque = np.sqrt(max(more, 0.0) / max(float(last.counts[joint]), 1.0))
     if (
         more >= SMALLEST_SHARE * last.held_squares[joint]
-        and torque >= SMALLEST_TORQUE * last.ground.torque_rms[joint]
+        and torque >= SMALLEST_TORQUE * last.base.torque_rms[joint]
         and more >= SHARE_OF_GAP * first.held_squares[joint]
         and more >= SHARE_OF_EXPLAINED * explained
     ):
@@ -196,4 +196,4 @@ def _rms(stage: Stage) -> Array:
 
 def _relative(stage: Stage) -> Array:
     """The same by the joint's RMS torque."""
-    return _rms(stage) / stage.ground.torque_rms
+    return _rms(stage) / stage.base.torque_rms

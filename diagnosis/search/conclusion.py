@@ -11,10 +11,10 @@ from ..fit.likeliest_shapes import after_a_step, at_likeliest_shapes
 from ..fit.likelihood import Weighed, gained, weigh
 from ..fit.normal_equations import Fit, fitted_to
 from ..fit.score import Stage
-from ..model.base_regressor import Ground
+from ..model.base_regressor import BaseRegressor
 from ..model.candidates import SATURATION
 from ..model.hypothesis import Design
-from ..model.library import Sought
+from ..model.library import Library
 from ..plausibility.accepted import Accepted, laws_of_position, without_one, without_rests
 from ..plausibility.materiality import is_material
 from ..plausibility.observability import not_observable
@@ -28,15 +28,15 @@ from .grown import Grown, as_of
 IMITATIONS = (laws_of_position, vibrations)
 
 
-def concluded(grown: Grown, sought: Sought) -> Attribution:
+def concluded(grown: Grown, library: Library) -> Attribution:
     """The attribution that a grown hypothesis comes to.
 
     Effects that are not material with all others fitted are taken out; the others are judged with all of them
     fitted, and again at their final shapes.
     """
     assert grown.banks is not None
-    original, sized, base = grown.original, grown.sized, grown.stage.ground
-    accepted, hypothesis, fitted = _kept(grown, sought)
+    original, sized, base = grown.original, grown.sized, grown.stage.base
+    accepted, hypothesis, fitted = _kept(grown, library)
     unchanged = hypothesis is grown.stage.hypothesis
     last = grown.stage if unchanged else Stage(base, hypothesis, fitted)
     taken = {item.candidate.place for item in accepted}
@@ -68,18 +68,16 @@ def concluded(grown: Grown, sought: Sought) -> Attribution:
     )
 
 
-def _kept(grown: Grown, sought: Sought) -> tuple[list[Accepted], Design, Fit]:
+def _kept(grown: Grown, library: Library) -> tuple[list[Accepted], Design, Fit]:
     """The effects that are still material with all fitted, without rests of others, with reported limits."""
     stage, sized = grown.stage, grown.sized
-    accepted, hypothesis, fitted = _pruned(
-        stage.ground, sized, grown.accepted, stage.hypothesis, stage.fitted
-    )
+    accepted, hypothesis, fitted = _pruned(stage.base, sized, grown.accepted, stage.hypothesis, stage.fitted)
     if len(kept := without_rests(accepted)) < len(accepted):
         # What was shaped beside a rest of its own is not as it is alone.
         refitted = fitted_to(stage.prepared, [a.candidate for a in kept])
         hypothesis, fitted = at_likeliest_shapes(sized, *refitted)
         accepted = as_of(hypothesis, kept)
-    if SATURATION not in sought.without:
+    if SATURATION not in library.without:
         accepted, hypothesis, fitted = _with_flat_tops(accepted, hypothesis, fitted)
     return accepted, hypothesis, fitted
 
@@ -105,7 +103,7 @@ def _with_flat_tops(
 
 
 def _pruned(
-    base: Ground, sized: Robot, accepted: Sequence[Accepted], hypothesis: Design, fitted: Fit
+    base: BaseRegressor, sized: Robot, accepted: Sequence[Accepted], hypothesis: Design, fitted: Fit
 ) -> tuple[list[Accepted], Design, Fit]:
     """Take out, one by one, effects that are no longer material with the others fitted."""
     accepted = list(accepted)

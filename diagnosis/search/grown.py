@@ -7,7 +7,7 @@ from testbench.robot import Robot
 
 from ..fit.likelihood import Weighed
 from ..fit.score import Stage
-from ..model.base_regressor import Ground
+from ..model.base_regressor import BaseRegressor
 from ..model.candidates import Candidate
 from ..model.gram import Bank
 from ..model.hypothesis import Design
@@ -28,7 +28,7 @@ class Banks:
     soft: Bank
 
     @staticmethod
-    def beside(proposals: Bank, base: Ground, motions: Sequence[Candidate]) -> "Banks":
+    def beside(proposals: Bank, base: BaseRegressor, motions: Sequence[Candidate]) -> "Banks":
         """The bank of the catalogue with the others. motions: free functions of the motion."""
         others = motions, lead_candidates(base.prepared), soft_candidates(base.prepared)
         return Banks(proposals, *(Bank(base, each) for each in others))

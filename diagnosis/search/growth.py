@@ -21,11 +21,11 @@ from ..fit.linearisation import first_linearised
 from ..fit.normal_equations import standard_values
 from ..fit.score import Stage
 from ..held_out.folds import covered, covered_for
-from ..model.base_regressor import ground
+from ..model.base_regressor import base_regressor
 from ..model.candidates import ZERO
 from ..model.effect_sizes import with_friction
 from ..model.gram import Bank
-from ..model.library import Sought
+from ..model.library import Library
 from ..proposals.low_speed_friction import NearRest, near_rest, with_friction_near_rest
 from ..proposals.saturation import Cut, cuts
 from ..proposals.transmission_load import linearised_until_settled
@@ -45,28 +45,28 @@ def attribute(prepared: Prepared, without: Sequence[str] = ()) -> Attribution:
     the zero that parameters were taken beside is no effect in the end, without it.
     """
     # What depends on the logs alone stays when all is begun again.
-    limits, sought = cuts(prepared), Sought(without)
+    limits, library = cuts(prepared), Library(without)
     prepared, known, seeks_zero = covered(prepared), NearRest(), ZERO not in without
     while True:
         begun = first_linearised(with_friction_near_rest(prepared, known), seeks_zero)
-        grown = _grown(begun, limits, sought)
+        grown = _grown(begun, limits, library)
         if isinstance(grown, NearRest):
             known = grown
             continue
-        found = None if grown is None else concluded(grown, sought)
+        found = None if grown is None else concluded(grown, library)
         if found is None or (begun.zeros.any() and not found.takes_in(*_zero_of(begun))):
             seeks_zero = False
         else:
             return found
 
 
-def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) -> Grown | NearRest | None:
+def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], library: Library) -> Grown | NearRest | None:
     """The hypothesis grown on these runs, or else newly found friction near rest.
 
     None where the encoder offset that the runs are linearised with is a tilt's or the like. limits: of
     ``cuts``.
     """
-    grown, search = _begun(prepared, limits, sought)
+    grown, search = _begun(prepared, limits, library)
     zero = _zero_of(prepared) if prepared.zeros.any() else None
     if zero and _is_of_another(zero, grown.weighed):
         return None
@@ -86,34 +86,34 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) 
         if found.best.candidate.description.relinearised:
             # Columns along the runs as they were linearised before are of no use, and large.
             grown = replace(grown, banks=None, weighed=())
-        grown = _with(grown, found, search, sought)
+        grown = _with(grown, found, search, library)
     return grown
 
 
-def _begun(prepared: Prepared, limits: Sequence[Sequence[Cut]], sought: Sought) -> tuple[Grown, Search]:
+def _begun(prepared: Prepared, limits: Sequence[Sequence[Cut]], library: Library) -> tuple[Grown, Search]:
     """The hypothesis of re-identification alone, and what every round searches in. limits: of ``cuts``."""
-    sought.along(prepared)
-    original = Stage.of(ground(prepared), [])
-    proposals = Bank(original.ground, sought.catalogue)
-    if (foretold := covered_for(original, proposals)) is not prepared:
-        prepared, original = foretold, Stage.of(ground(foretold), [])
-        proposals = Bank(original.ground, proposals.candidates)
+    library.along(prepared)
+    original = Stage.of(base_regressor(prepared), [])
+    proposals = Bank(original.base, library.catalogue)
+    if (covered := covered_for(original, proposals)) is not prepared:
+        prepared, original = covered, Stage.of(base_regressor(covered), [])
+        proposals = Bank(original.base, proposals.candidates)
     sized = with_friction(prepared.robot, standard_values(prepared, original.fitted.values))
-    search = Search(original, sized, limits, tuple(sought.without))
-    banks = Banks.beside(proposals, original.ground, sought.motions)
+    search = Search(original, sized, limits, tuple(library.without))
+    banks = Banks.beside(proposals, original.base, library.motions)
     weighed = tuple(search.open(original, proposals))
     return Grown(original, sized, original, (), weighed, banks), search
 
 
-def _with(grown: Grown, found: Found, search: Search, sought: Sought) -> Grown:
+def _with(grown: Grown, found: Found, search: Search, library: Library) -> Grown:
     """The hypothesis with one more effect; without its banks, these are made anew."""
     hypothesis, fitted = found.trial
-    banks, base = grown.banks, grown.stage.ground
+    banks, base = grown.banks, grown.stage.base
     if banks is None:
         hypothesis, fitted = linearised_until_settled(grown.sized, hypothesis, fitted)
-        base = ground(hypothesis.prepared)
-        sought.along(hypothesis.prepared)
-        banks = Banks.beside(Bank(base, sought.catalogue), base, sought.motions)
+        base = base_regressor(hypothesis.prepared)
+        library.along(hypothesis.prepared)
+        banks = Banks.beside(Bank(base, library.catalogue), base, library.motions)
     stage = Stage(base, hypothesis, fitted)
     weighed = search.open(stage, banks.proposals)
     own = accepted_as(found, grown.stage, grown.sized)

@@ -59,7 +59,7 @@ class Search:
             return law is None or is_plausible(self.sized, gain.candidate, gain.coefficients)
 
         ripples = [] if RIPPLE in self.without else ripple_candidates(self.first, stage)
-        anew = Bank(stage.ground, ripples)
+        anew = Bank(stage.base, ripples)
         return [
             w
             for w in weigh(stage, proposals, anew, allowed=allowed)

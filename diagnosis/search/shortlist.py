@@ -60,11 +60,11 @@ def choose(
     listed = [weighed.candidate for weighed in shortlist]
     compared = [stage.compared(each) for each in listed]
     # Of many shapes one is the likelier to fit by chance.
-    foretold = [
+    predicted = [
         log_likelihood(*trial) - float(np.log(each.shapes))
         for each, trial in zip(listed, compared, strict=True)
     ]
-    likelihoods = _behind_lags(listed, _by_all_runs(listed, compared, foretold))
+    likelihoods = _behind_lags(listed, _by_all_runs(listed, compared, predicted))
     first, before = int(np.argmax(likelihoods)), log_likelihood(stage.hypothesis, stage.fitted)
     if len(searched_for(shortlist[first].candidate)) > 1:
         shortlist[first] = refined(robot, stage, shortlist[first], MORE_TRIED)
@@ -74,8 +74,8 @@ def choose(
     ):
         return None
     shortlist[first], trial = _likelier(robot, stage, shortlist[first])
-    after = Stage(stage.ground, *trial)
-    left = after.gains(Bank(stage.ground, [w.candidate for w in shortlist]))
+    after = Stage(stage.base, *trial)
+    left = after.gains(Bank(stage.base, [w.candidate for w in shortlist]))
     kept = [first]
     for index, (weighed, gain) in enumerate(zip(shortlist, left, strict=True)):
         if index != first and (gain is None or gained(after, gain) < RIVAL_LEFT * weighed.score):

@@ -54,9 +54,9 @@ _, SMOOTH = DESCRIPTION.laws
 
 # The shared shaft slides after this much twist, rad.
 PRESLIDING = 5e-4
-# How far that is sought in logs.
+# How far that is searched in logs.
 TWISTS = (1e-4, 5e-3)
-# rad/s of smooth signs: what is tried first, and how far they are sought.
+# rad/s of smooth signs: what is tried first, and how far they are searched.
 LIKELY_WIDTHS, WIDTHS = (0.03, 0.1), (0.01, 0.3)
 
 

@@ -159,7 +159,7 @@ class Logged:
         left = self.tau - self.predicted
         return left if self.beside is None else left - self.beside
 
-    def foretold(self) -> "Logged":
+    def as_predicted(self) -> "Logged":
         """The run with the torque that the model predicts: nothing measured, commanded or known beside it."""
         return replace(self, tau=self.predicted, torque_command=None, beside=None)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from diagnosis.data.preparation import prepare
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import ground
+from diagnosis.model.base_regressor import base_regressor
 from diagnosis.model.candidates import candidates
 from diagnosis.model.effect_sizes import times_healthy
 
@@ -16,7 +16,7 @@ from ..once import once_per_robot
 
 def squares(stage, share):
     """(joints,) what this share of each joint's torque adds up to, squared, over the held-out samples."""
-    return (share * stage.ground.torque_rms) ** 2 * stage.counts
+    return (share * stage.base.torque_rms) ** 2 * stage.counts
 
 
 def certain(stage, own, amount, squared, wald=400.0):
@@ -35,7 +35,7 @@ def of_size(arm, stage, own, times, torque, left):
     joint = own.family.joint
     squared = squares(stage, torque) * np.eye(arm.joints)[joint]
     stage.held_squares[joint] = squared[joint] / left
-    amount = times / times_healthy(arm, stage.ground.torque_rms, own, unit)
+    amount = times / times_healthy(arm, stage.base.torque_rms, own, unit)
     return certain(stage, own, amount, squared)
 
 
@@ -44,7 +44,7 @@ def healthy_stage(arm, name):
     prepared = _prepared(arm)
     every = candidates(prepared, only=[name])
     of_joints = [next(c for c in every if c.family.joint == joint) for joint in range(arm.joints)]
-    return Stage.of(ground(prepared), []), of_joints
+    return Stage.of(base_regressor(prepared), []), of_joints
 
 
 @once_per_robot

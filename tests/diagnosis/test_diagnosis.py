@@ -58,7 +58,7 @@ def test_the_effect_and_its_joint_are_named_and_the_gap_closes(arm, text, joint)
     ("parameters", "effects", "floor", "expected"),
     [
         ([3.5, 1.0], [2.0, 0.2], [1.9, 0.1], "it explains 92% of what re-identified parameters leave above"),
-        # The other joint's parameters foretell one run worse than they did.
+        # The other joint's parameters predict one run worse than they did.
         (
             [3.5, 1.0],
             [4.0, 0.2],
@@ -138,7 +138,7 @@ def test_a_long_delay_is_named_alone_whether_or_not_the_controller_shakes(arm, d
 
 
 def test_the_strongest_effect_comes_first_however_late_it_was_found(arm):
-    # Pushes are sought last.
+    # Pushes are library last.
     friction = "stribeck_friction:shoulder:extra=0.6,velocity=0.2"
     injections = [
         parse_injection(arm, text)
@@ -158,7 +158,7 @@ def test_a_push_alone_is_said_to_leave_a_gap(arm):
     assert found.sentence.startswith("The gap comes from external contact at elbow")
 
 
-def test_what_no_motion_foretells_is_unknown_where_it_stands_out(models):
+def test_what_no_motion_predicts_is_unknown_where_it_stands_out(models):
     robot = load_robot(models / "tx90.xml")
     runs = {}
     for name, run in simulated_runs(robot, [], runs=2).items():

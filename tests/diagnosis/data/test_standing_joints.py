@@ -1,4 +1,4 @@
-"""What a motion does not move stays as the model has it, and no effect is sought there."""
+"""What a motion does not move stays as the model has it, and no effect is library there."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Effects that foretell left-out runs far worse than none."""
+"""Effects that predict left-out runs far worse than none."""
 
 from dataclasses import replace
 

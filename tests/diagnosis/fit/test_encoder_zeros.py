@@ -1,4 +1,4 @@
-"""Zeros that lie degrees off: found exactly, named at their joint, and foretold at their size."""
+"""Zeros that lie degrees off: found exactly, named at their joint, and predicted at their size."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ def test_an_offset_that_is_far_from_small_is_exact(crane):
     assert np.allclose(moved, exact - (run.load - run.carried), atol=1e-9)
 
 
-def test_it_has_a_name_and_another_run_is_foretold_by_it(crane, tmp_path):
+def test_it_has_a_name_and_another_run_is_predicted_by_it(crane, tmp_path):
     offset = np.deg2rad(11)
     runs = _runs(crane, offset, runs=4)
     unseen = runs.pop("run_4")
@@ -75,10 +75,10 @@ def test_it_has_a_name_and_another_run_is_foretold_by_it(crane, tmp_path):
     write_diagnosis(found, tmp_path / DOCUMENT)
     model = read_diagnosed(tmp_path)
     assert model.zeros[LIFT] == pytest.approx(offset, abs=np.deg2rad(1))
-    foretold = predict_torque(model, unseen)
+    predicted = predict_torque(model, unseen)
     middle = slice(200, -200)
-    left = np.sqrt(np.mean((unseen.torque - foretold.corrected)[middle] ** 2, axis=0))
-    alone = np.sqrt(np.mean((unseen.torque - foretold.parameters)[middle] ** 2, axis=0))
+    left = np.sqrt(np.mean((unseen.torque - predicted.corrected)[middle] ** 2, axis=0))
+    alone = np.sqrt(np.mean((unseen.torque - predicted.parameters)[middle] ** 2, axis=0))
     assert left[LIFT] < alone[LIFT]
 
 

@@ -10,7 +10,7 @@ from diagnosis.data.preparation import prepare
 from diagnosis.fit.bounded import solve
 from diagnosis.fit.normal_equations import fitted_to, squares
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import ground
+from diagnosis.model.base_regressor import base_regressor
 from diagnosis.model.candidates import candidates
 from diagnosis.model.gram import Bank
 from diagnosis.model.hypothesis import scaled_precision
@@ -28,7 +28,7 @@ def stage(tmp_path_factory):
     arm = small_arm(tmp_path_factory.mktemp("arm"))
     fault = parse_injection(arm, "stribeck_friction:shoulder:extra=1.2,velocity=0.2")
     prepared = prepare(arm, simulated_runs(arm, [fault], runs=3))
-    return Stage(ground(prepared), *fitted_to(prepared, []))
+    return Stage(base_regressor(prepared), *fitted_to(prepared, []))
 
 
 def base_rows(base, fold, joint):
@@ -41,7 +41,7 @@ def base_rows(base, fold, joint):
 
 def solved(stage, candidate, folds):
     """Coefficients of everything, fitted to some folds with the stage's weights and prior; its objective."""
-    base = stage.ground
+    base = stage.base
     rows, right = [], []
     for f in folds:
         for j in range(base.joints):
@@ -64,7 +64,7 @@ def solved(stage, candidate, folds):
 
 def held_out(stage, candidate):
     """Squared residual of each joint, every fold predicted from the others, (n,)."""
-    base = stage.ground
+    base = stage.base
     total = np.zeros(base.joints)
     for f in range(len(base.folds)):
         values, _ = solved(stage, candidate, [other for other in range(len(base.folds)) if other != f])
@@ -81,19 +81,19 @@ def test_rows_of_what_loads_a_joint_give_all_of_the_torque_by_the_model(stage):
     for run in stage.prepared.runs:
         logged = run.logged
         torque = inverse_dynamics(logged.chain, nominal, logged.q, logged.dq, logged.ddq)
-        expected = run.filtered(torque, range(stage.ground.joints))
+        expected = run.filtered(torque, range(stage.base.joints))
         np.testing.assert_allclose(run.by_model(nominal), expected, atol=1e-9 * np.abs(expected).max())
 
 
 def test_gains_are_those_of_solving_each_hypothesis(stage):
     proposals = [c for c in candidates(stage.prepared, only=EFFECTS) if c.family.joint == 0]
-    gains = stage.gains(Bank(stage.ground, proposals))
-    _, before = solved(stage, None, range(len(stage.ground.folds)))
+    gains = stage.gains(Bank(stage.base, proposals))
+    _, before = solved(stage, None, range(len(stage.base.folds)))
     left = held_out(stage, None)
     assert len(gains) > len(EFFECTS)
     for gain in gains:
         assert gain is not None
-        _, after = solved(stage, gain.candidate, range(len(stage.ground.folds)))
+        _, after = solved(stage, gain.candidate, range(len(stage.base.folds)))
         assert gain.objective == pytest.approx(before - after, rel=1e-3, abs=1e-3 * before)
         np.testing.assert_allclose(
             gain.held_out, left - held_out(stage, gain.candidate), rtol=0, atol=2e-3 * left.max()
@@ -121,7 +121,7 @@ def test_gains_beside_what_is_at_a_bound_are_those_of_solving_anew(stage, place)
     free = np.sort(fitted_to(stage.prepared, [bounded])[1].apart[:, -1])
     upper = np.mean([free[place], free[place - 1] if place else 0.0], keepdims=True)
     bounded = replace(bounded, member=replace(bounded.member, upper=upper))
-    beside = Stage(stage.ground, *fitted_to(stage.prepared, [bounded]))
+    beside = Stage(stage.base, *fitted_to(stage.prepared, [bounded]))
     assert np.sum(beside.fitted.apart[:, -1] > (1 - 1e-9) * upper) == len(free) - place
     for candidate in others:
         gain, (_, compared) = beside.gain(candidate), beside.compared(candidate)

@@ -68,9 +68,9 @@ def test_a_low_pass_is_found_with_its_corner_and_taken_back(arm, healthy_runs, o
     assert found.verdict in ("none", "parameters")
     assert f"as through a low-pass at {own.corner:.3g} Hz" in notes.late(found)[0]
     model, rate = corrected_model(found), healthy_runs["run_1"].sample_rate
-    foretold, logged = predict_torque(model, passed["run_1"]).corrected, passed["run_1"].torque
+    predicted, logged = predict_torque(model, passed["run_1"]).corrected, passed["run_1"].torque
     settled = slice(int(0.2 * rate), None)
-    left = np.sqrt(np.mean((logged - foretold)[settled] ** 2, axis=0))
+    left = np.sqrt(np.mean((logged - predicted)[settled] ** 2, axis=0))
     assert np.all(left < 0.05 * np.sqrt(np.mean(logged[settled] ** 2, axis=0)))
 
 

@@ -9,7 +9,7 @@ from diagnosis.data.preparation import prepare
 from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
 from diagnosis.held_out.folds import covered, covered_for
-from diagnosis.model.base_regressor import ground
+from diagnosis.model.base_regressor import base_regressor
 from diagnosis.model.candidates import candidates
 from diagnosis.model.gram import Bank
 from identification.parameters import ARMATURE, COULOMB
@@ -74,12 +74,12 @@ def test_a_run_that_alone_shows_an_effect_is_left_out_in_parts(arm, acts, folds)
     faults = [parse_injection(arm, "backlash:elbow:gap=0.002")] if acts else []
     runs = simulated_runs(arm, [], runs=3)
     prepared = prepare(arm, runs | {"run_1": simulated_runs(arm, faults, runs=3)["run_1"]})
-    stage = Stage(ground(prepared), *fitted_to(prepared, []))
+    stage = Stage(base_regressor(prepared), *fitted_to(prepared, []))
     (play,) = (
         each
         for each in candidates(prepared, only=["backlash"])
         if each.family.joint == 1 and each.member.shape["gap"] == 0.0015
     )
     of_one = replace(play, filtered=(play.filtered[0], *(np.zeros_like(run) for run in play.filtered[1:])))
-    found = covered_for(stage, Bank(stage.ground, [of_one]))
+    found = covered_for(stage, Bank(stage.base, [of_one]))
     assert [run for run, _ in found.folds] == folds

@@ -22,7 +22,7 @@ def _pushed(arm, law, runs):
 
 
 @pytest.mark.parametrize("law", ["link_force", "world_force", "joint_torque"])
-def test_a_push_of_every_run_is_foretold_along_another(arm, law):
+def test_a_push_of_every_run_is_predicted_along_another(arm, law):
     runs = _pushed(arm, law, 4)
     unseen = runs.pop("run_4")
     answer = diagnosed(arm, runs, [("external_contact", ELBOW, None)])

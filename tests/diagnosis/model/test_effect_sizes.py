@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.data.preparation import prepare
-from diagnosis.model.base_regressor import ground
+from diagnosis.model.base_regressor import base_regressor
 from diagnosis.model.candidates import candidate, candidates
 from diagnosis.model.effect_sizes import (
     is_beyond_healthy,
@@ -38,7 +38,7 @@ def test_bristles_bear_all_of_a_joints_coulomb_friction(tmp_path, share, is_name
         key=lambda each: each.member.shape["displacement"],
     )
     level = share * arm.parameters.reshape(arm.joints, -1)[softest.family.joint, COULOMB]
-    torque = ground(prepared).torque_rms
+    torque = base_regressor(prepared).torque_rms
     assert is_beyond_healthy(arm, torque, softest, np.array([level])) == is_named
 
 
@@ -52,8 +52,8 @@ def test_a_gearbox_swings_with_its_link_however_heavy_the_rotor(tmp_path, rotor)
     np.testing.assert_allclose(typical_range(stiffness, arm, 1), (18000 * link, 2000 * link), rtol=1e-3)
     own = [c for c in candidates(prepared, only=["joint_elasticity"]) if c.family.joint == 1]
     softest = min(own, key=lambda c: c.member.shape["stiffness"])
-    sought = softest.member.shape["stiffness"]
-    assert sought == pytest.approx((2 * np.pi * 4.5) ** 2 * link, rel=1e-3)
+    stiffness = softest.member.shape["stiffness"]
+    assert stiffness == pytest.approx((2 * np.pi * 4.5) ** 2 * link, rel=1e-3)
     # A column's coefficient is one at the stiffness of its shape.
     assert all(is_plausible(arm, c, np.ones(1)) for c in own)
 
@@ -159,7 +159,10 @@ def test_what_is_late_by_less_than_a_share_of_a_sample_is_the_logs(
         np.geomspace(1e-4, 1.0, 400),
         key=lambda c: abs(quantities(slow, np.full(lag.count, c))[parameter].value - samples * 0.01),
     )
-    assert is_beyond_healthy(arm, ground(prepared).torque_rms, slow, np.full(lag.count, wanted)) == expected
+    assert (
+        is_beyond_healthy(arm, base_regressor(prepared).torque_rms, slow, np.full(lag.count, wanted))
+        == expected
+    )
 
 
 @pytest.mark.parametrize(("counts", "expected"), [(1.0, False), (4.0, True)])
@@ -171,7 +174,7 @@ def test_bristles_of_a_few_counts_of_an_encoder_are_the_encoders(tmp_path, count
         bristles, position_step=np.full(arm.joints, bristles.member.shape["displacement"] / counts)
     )
     level = np.array([arm.parameters[COULOMB]])
-    assert is_beyond_healthy(arm, ground(prepared).torque_rms, coarse, level) == expected
+    assert is_beyond_healthy(arm, base_regressor(prepared).torque_rms, coarse, level) == expected
 
 
 @pytest.mark.parametrize(
@@ -183,5 +186,5 @@ def test_a_payload_is_one_for_the_arm_that_carries_it(tmp_path, last, kilograms,
     (payload,) = candidates(prepared, only=["payload"])
     coefficients = np.zeros(payload.count)
     coefficients[MASS] = kilograms
-    torque = ground(prepared).torque_rms
+    torque = base_regressor(prepared).torque_rms
     assert is_beyond_healthy(arm, torque, payload, coefficients) == expected

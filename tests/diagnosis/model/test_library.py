@@ -1,10 +1,10 @@
-"""What is sought in the runs: columns are made once for a load, whatever becomes known of friction."""
+"""The library of columns: they are made once for a load, whatever becomes known of friction."""
 
 import numpy as np
 import pytest
 
 from diagnosis.data.preparation import prepare
-from diagnosis.model.library import Sought
+from diagnosis.model.library import Library
 from diagnosis.proposals.low_speed_friction import NearRest, with_friction_near_rest
 from identification.parameters import COULOMB, MASS, PER_JOINT, VISCOUS
 from testbench.effects import effects
@@ -41,7 +41,7 @@ def _alike(one, other):
 
 
 def test_what_friction_is_in_is_made_again_and_all_is_as_if_made_anew(prepared):
-    first, second = Sought(()), Sought(())
+    first, second = Library(()), Library(())
     first.along(prepared)
     old = {id(each) for each in first.catalogue}
     first.along(_by_another_friction(prepared))
@@ -56,21 +56,21 @@ def test_what_friction_is_in_is_made_again_and_all_is_as_if_made_anew(prepared):
 
 
 def test_links_that_are_another_load_are_sought_anew(prepared):
-    sought = Sought(())
-    anew, heavier = Sought(()), _with_parameters(prepared, [MASS], 1.5)
-    sought.along(prepared)
-    old = sought.catalogue
-    sought.along(heavier)
+    library = Library(())
+    anew, heavier = Library(()), _with_parameters(prepared, [MASS], 1.5)
+    library.along(prepared)
+    old = library.catalogue
+    library.along(heavier)
     anew.along(heavier)
-    assert not {id(each) for each in old} & {id(each) for each in sought.catalogue}
+    assert not {id(each) for each in old} & {id(each) for each in library.catalogue}
     # Free functions of the motion are kept, and must be what they would be there.
-    assert all(_alike(*pair) for pair in zip(sought.motions, anew.motions, strict=True))
+    assert all(_alike(*pair) for pair in zip(library.motions, anew.motions, strict=True))
 
 
 def test_a_load_that_hardly_differs_keeps_the_columns(prepared):
-    sought = Sought(())
-    sought.along(prepared)
-    old = {each.place: each for each in sought.catalogue}
-    sought.along(_with_parameters(prepared, [MASS], 1.001))
-    kept = {each.family.effect for each in sought.catalogue if any(each is o for o in old.values())}
+    library = Library(())
+    library.along(prepared)
+    old = {each.place: each for each in library.catalogue}
+    library.along(_with_parameters(prepared, [MASS], 1.001))
+    kept = {each.family.effect for each in library.catalogue if any(each is o for o in old.values())}
     assert "joint_elasticity" in kept

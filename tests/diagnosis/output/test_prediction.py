@@ -146,7 +146,7 @@ def test_every_effect_of_the_catalogue_can_be_predicted(
 @pytest.mark.parametrize(
     ("name", "shape"), [("actuator_lag", {}), ("backlash", {"gap": 0.003, "contact": 60.0})]
 )
-def test_nothing_is_foretold_above_the_band_of_the_motion(
+def test_nothing_is_predicted_above_the_band_of_the_motion(
     answer: Diagnosis, runs: dict[str, Recording], name: str, shape: dict[str, float]
 ) -> None:
     """A joint's friction jumps as it turns, which the derivative of a smooth motion has nothing against."""
@@ -157,7 +157,7 @@ def test_nothing_is_foretold_above_the_band_of_the_motion(
     assert power[above].sum() < 1e-4 * power.sum()
 
 
-def test_a_joint_at_rest_has_no_friction_foretold_and_its_counts_are_no_lost_samples(
+def test_a_joint_at_rest_has_no_friction_predicted_and_its_counts_are_no_lost_samples(
     answer: Diagnosis, runs: dict[str, Recording]
 ) -> None:
     """Of drives that stand, encoders flicker by a count, which had been friction or a step at the end."""

@@ -10,7 +10,7 @@ from diagnosis.fit.likelihood import weigh
 from diagnosis.fit.linearisation import first_linearised, linearised_anew
 from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import ground
+from diagnosis.model.base_regressor import base_regressor
 from diagnosis.model.candidates import candidates
 from diagnosis.model.gram import Bank
 from diagnosis.proposals.transmission_load import linearised_until_settled, refined_again
@@ -31,9 +31,9 @@ def resonant(arm):
     """A gearbox that resonates with its link at 5 Hz, found at loads that a gain error bends."""
     runs = simulated_runs(arm, [parse_injection(arm, each) for each in EFFECTS], runs=3)
     prepared = first_linearised(prepare(arm, runs))
-    stage = Stage.of(ground(prepared), [])
+    stage = Stage.of(base_regressor(prepared), [])
     soft = [c for c in candidates(prepared, only=["joint_elasticity"]) if c.family.joint == ELBOW]
-    weighed = weigh(stage, Bank(stage.ground, soft))
+    weighed = weigh(stage, Bank(stage.base, soft))
     chosen = choose(arm, stage, weighed, weighed)
     assert chosen is not None
     return chosen[2]

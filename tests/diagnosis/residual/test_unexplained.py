@@ -12,7 +12,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.fit.likelihood import Weighed
 from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import ground
+from diagnosis.model.base_regressor import base_regressor
 from diagnosis.model.candidates import FREE
 from diagnosis.model.free_functions import RUN_TIME, generic_candidates
 from diagnosis.model.gram import Bank
@@ -31,9 +31,9 @@ SLOWER = 20
 
 def _unclaimed(arm, runs):
     prepared = prepare(arm, runs)
-    stage = Stage(ground(prepared), *fitted_to(prepared, []))
-    free = Bank(stage.ground, generic_candidates(prepared))
-    left = np.sqrt(stage.held_squares / stage.counts) / stage.ground.torque_rms
+    stage = Stage(base_regressor(prepared), *fitted_to(prepared, []))
+    free = Bank(stage.base, generic_candidates(prepared))
+    left = np.sqrt(stage.held_squares / stage.counts) / stage.base.torque_rms
     return unclaimed(stage, stage, free), left
 
 
@@ -56,7 +56,7 @@ def test_what_follows_nothing_is_the_verdict_where_it_is_far_more_than_what_has_
 
 
 def _wandering(runs, share):
-    """Runs with so much of the second joint's torque beside it, slow, that nothing foretells."""
+    """Runs with so much of the second joint's torque beside it, slow, that nothing predicts."""
     rng, found = np.random.default_rng(1), {}
     for name, run in runs.items():
         knots = np.arange(run.time[0], run.time[-1] + 0.2, 0.2)
@@ -69,7 +69,7 @@ def _wandering(runs, share):
 
 @pytest.mark.parametrize(("share", "expected"), [(0.08, True), (0.02, False)])
 def test_what_shakes_one_joint_now_and_then_far_more_than_noise_is_unknown(tmp_path, share, expected):
-    """Too fast for a part of the motion, too slow for noise, and nothing foretells when."""
+    """Too fast for a part of the motion, too slow for noise, and nothing predicts when."""
     arm = small_arm(tmp_path, SCARA)
     runs, rng = simulated_runs(arm, [], runs=3), np.random.default_rng(2)
     for name, run in runs.items():
@@ -106,16 +106,16 @@ def test_noise_is_nothing_however_large(tmp_path):
 
 
 @pytest.mark.parametrize(("wald", "expected"), [(25.0, False), (60.0, True)])
-def test_a_function_that_all_runs_fit_by_chance_foretells_by_chance(tmp_path, monkeypatch, wald, expected):
+def test_a_function_that_all_runs_fit_by_chance_predicts_by_chance(tmp_path, monkeypatch, wald, expected):
     arm = small_arm(tmp_path)
     prepared = prepare(arm, simulated_runs(arm, [], runs=3))
-    stage, free = Stage(ground(prepared), *fitted_to(prepared, [])), generic_candidates(prepared)
+    stage, free = Stage(base_regressor(prepared), *fitted_to(prepared, [])), generic_candidates(prepared)
     own = next(c for c in free if c.family.effect == FREE + RUN_TIME and c.family.joint == 0)
     assert 10 < own.count < wald
     stage.held_squares = squares(stage, 0.1)
     gain = certain(stage, own, 1.0, np.array([0.4, 0.0]) * stage.held_squares, wald)
     monkeypatch.setattr("diagnosis.residual.unexplained.weigh", lambda *_: [Weighed(gain, 50.0)])
-    found = unclaimed(stage, stage, Bank(stage.ground, free))
+    found = unclaimed(stage, stage, Bank(stage.base, free))
     assert ((0, RUN_TIME) in [(each.joint, each.regime) for each in found]) == expected
 
 
