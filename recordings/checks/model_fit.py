@@ -16,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from identification.inverse_dynamics import inverse_dynamics
 from identification.parameters import ARMATURE, COULOMB, PER_JOINT, VISCOUS
-from identification.prior import parameter_widths
+from identification.prior import COULOMB_SHARE, parameter_widths
 from identification.regressor import regressor
 from identification.springs import spring_torque
 from testbench.robot import Robot
@@ -70,7 +70,9 @@ class ModelFit:
         speed, acceleration = (
             np.maximum(np.sqrt(np.mean(each**2, axis=0)), SLOWEST) for each in (samples.dq, samples.ddq)
         )
-        self.widths: Array = parameter_widths(robot.parameters, self.typical, speed, acceleration)
+        self.widths = _with_any_friction(
+            robot, parameter_widths(robot.parameters, self.typical, speed, acceleration), speed
+        )
         friction = np.stack([robot.parameters, self.widths]).reshape(2, -1, PER_JOINT)[
             :, : robot.joints, COULOMB
         ]
@@ -174,6 +176,21 @@ class ModelFit:
             runs = len(np.unique(read.run[used]))
             figures[:, index] = len(torque), runs, torque @ torque, torque @ own, own @ own
         return _Products(joints, tuple(grams), torque_products, model_products, *figures)
+
+
+def _with_any_friction(robot: Robot, widths: Array, speed: Array) -> Array:
+    """The widths (14 links,) with friction that the model only guesses as wide as that of a drive may be.
+
+    It is a guess where the model has none, or the same number for drives of different torque limits. speed:
+    (n,) rad/s (m/s), typical.
+    """
+    n, limit = robot.joints, np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 0.0)
+    table, wide = (each.reshape(-1, PER_JOINT).copy() for each in (robot.parameters, widths))
+    for column, of_drive in ((COULOMB, COULOMB_SHARE * limit), (VISCOUS, COULOMB_SHARE * limit / speed)):
+        given = table[:n, column]
+        is_guess = (given == 0) | (np.ptp(given) == 0 < np.ptp(limit))
+        wide[:n, column] = np.where(is_guess, np.maximum(wide[:n, column], of_drive), wide[:n, column])
+    return wide.ravel()
 
 
 @dataclass(frozen=True)

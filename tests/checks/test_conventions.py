@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identification.inverse_dynamics import inverse_dynamics
-from identification.parameters import ARMATURE, INERTIAL, PER_JOINT
+from identification.parameters import ARMATURE, COULOMB, INERTIAL, PER_JOINT, VISCOUS
 from recordings.checks import Severity
 from recordings.checks.convention import as_modelled
 from recordings.checks.conventions import check
@@ -199,3 +199,18 @@ def test_a_convention_does_not_choose_the_samples_that_it_is_judged_by(tmp_path)
     assert np.all(left[0] < 0.3)
     # The torque of a joint that would have stood still stays unexplained.
     assert np.all(left[1] > 0.5)
+
+
+@pytest.mark.parametrize("guess", [0.0, 0.05])
+def test_friction_that_a_model_only_guesses_is_no_other_unit_of_torque(tmp_path, guess):
+    """A tenth of the drives' torque, by a model that has none, or the same at all joints."""
+    (tmp_path / "scara.xml").write_text(SCARA)
+    robot = load_robot(tmp_path / "scara.xml")
+    table = robot.parameters.reshape(-1, PER_JOINT).copy()
+    table[:, [VISCOUS, COULOMB]] = guess
+    model = replace(robot, parameters=table.ravel().copy())
+    table[:, COULOMB] = 0.1 * robot.limits.torque / 0.3  # of which the logs have a third
+    logs = _in_turn(replace(robot, parameters=table.ravel()), 0, 1)
+    assert "torque_scale" not in _found(model, *logs)
+    in_millinewton = [replace(each, torque=1000 * each.torque) for each in logs]
+    assert _found(model, *in_millinewton)["torque_scale"][0] is Severity.STOP
