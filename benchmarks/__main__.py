@@ -21,7 +21,7 @@ def names() -> tuple[str, ...]:
 
 
 def main() -> None:
-    """Run what was asked for, print a table each, and write everything as JSON where told to."""
+    """Run what was asked for, print a table each, and write everything as JSON to ``--json``."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=benchmarks.__doc__)
     parser.add_argument("names", nargs="*", metavar="name", help=f"{', '.join(names())}; all without one")
     parser.add_argument("--json", type=Path, metavar="PATH", help="also write the figures to this file")

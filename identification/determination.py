@@ -73,7 +73,7 @@ def motion_remarks(problem: Problem) -> tuple[str, ...]:
         if joints:
             verb = "follows" if len(joints) == 1 else "follow"
             remarks.append(
-                f"{_listed(joints)} {verb} {when}: inertia and gravity there {apart} be told apart"
+                f"{_listed(joints)} {verb} {when}: inertia and gravity there {apart} be distinguished"
             )
     return tuple(remarks)
 

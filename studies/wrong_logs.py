@@ -1,4 +1,4 @@
-"""Logs with the mistakes that people make, at three robots: is each told in the right words?
+"""Logs with the mistakes that people make, at three robots: is each reported in the right words?
 
 A robot with a healthy robot's imperfections is simulated; its model is drawn around it, as CAD and data
 sheets are wrong. Each mistake is made in its logs, and the checks must find it, at its joints, and nothing
@@ -72,7 +72,7 @@ class Plant:
 class Mistake:
     """One mistake that people make.
 
-    make: the runs with it. codes: of the findings that tell it; all of them must be there. joints: indices
+    make: the runs with it. codes: of the findings that report it; all of them must be there. joints: indices
     that a finding must name, from the start of the chain if positive; None for the whole log. stops: whether
     an answer would be meaningless. by_hand: for the truth's and the model's robot, not the log alone.
     """
@@ -103,12 +103,12 @@ def plant(model: Path, seed: int, folder: Path, runs: int = 2) -> Plant:
 
 
 def judge(made: Plant, mistake: Mistake) -> tuple[bool, tuple[Finding, ...]]:
-    """Whether the checks tell a mistake in the right words, and all that they find."""
+    """Whether the checks report a mistake in the right words, and all that they find."""
     found = run_checks(made.model, mistake.make(made))
-    return is_told(made.model, mistake, found), found
+    return is_found(made.model, mistake, found), found
 
 
-def is_told(robot: Robot, mistake: Mistake, found: tuple[Finding, ...]) -> bool:
+def is_found(robot: Robot, mistake: Mistake, found: tuple[Finding, ...]) -> bool:
     """Whether all codes of the mistake are found, at its joints, and nothing else stops."""
     by_code = {each.code: each for each in found}
     if not all(code in by_code for code in mistake.codes):

@@ -32,7 +32,7 @@ REACH = 0.15
 # Random configurations over the whole range, and the quantile of a pair's distances there that counts as how
 # far apart it can be without much ado.
 CONFIGURATIONS, QUANTILE = 500, 0.9
-# m: shapes that are never further apart touch, as far as meshes tell.
+# m: shapes that are never further apart touch, within the accuracy of meshes.
 TOUCH = 2e-4
 WITHOUT_VOLUME = {int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)}
 

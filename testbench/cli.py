@@ -43,7 +43,7 @@ app = App(
     help="Why does the simulator disagree with the robot? Identify an arm from its logs, and see.",
     version=version("identification-testbench"),
     version_flags=["--version"],
-    # An interrupt is told of in ``main``.
+    # ``main`` reports an interrupt.
     suppress_keyboard_interrupt=False,
 )
 
@@ -85,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     bound_memory()
     gc.set_threshold(OBJECTS_PER_SEARCH)
     standard_streams.prepare()
-    # What Rerun complains of is told in our words, in one line.
+    # Rerun's errors are reported in our words, in one line.
     os.environ.setdefault("RUST_LOG", "off")
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     try:

@@ -130,7 +130,7 @@ class RecordedLoops:
 def recorded_loops(
     robot: Robot, recordings: Sequence[Recording], threads: int | None = None
 ) -> RecordedLoops | None:
-    """The closed loops of these recordings, or None where one of them tells no reference or controller."""
+    """The closed loops of these recordings, or None where one of them states no reference or controller."""
     if any(run.reference_position is None or run.controller is None for run in recordings):
         return None
     return RecordedLoops(robot, tuple(recordings), threads)
@@ -165,7 +165,7 @@ def _run(robot: Robot, recording: Recording) -> _Run:
         got = f"{recording.sample_rate:g} Hz"
         raise InputError("log", "time", f"one sample a tick of the controller ({rate:g} Hz)", got)
     forward, at_rest = np.zeros_like(reference.position), np.zeros(robot.joints)
-    # What the log does not tell has the value of our own controller.
+    # What the log does not state has the value of our own controller.
     options = ControllerOptions(kind=controller.kind, rate=rate)
     if controller.kind == "pd_with_model_feedforward":
         smoothing = controller.coulomb_smoothing or options.coulomb_smoothing
@@ -194,7 +194,7 @@ def _encoder_noise(recording: Recording, rate: float) -> Array:
 
 
 def _reference(recording: Recording) -> Reference:
-    """The motion that the controller was told to follow. Raises InputError where the log lacks a part."""
+    """The motion commanded of the controller. Raises InputError where the log lacks a part."""
     return Reference(
         _logged("reference/position", recording.reference_position),
         _logged("reference/velocity", recording.reference_velocity),

@@ -111,7 +111,7 @@ def _sighting(robot: Robot, injected: Injection, joint: int, run: Logged) -> Sig
         explained[name] = _explained(each.signature([run], *place), run, weights, basis, left)
     seen = _decimated(run.residual)
     remaining = left.reshape(weights.shape) * scale
-    # Base tilt is told by the joint that gravity does not load.
+    # Base tilt shows at the joint that gravity does not load.
     shown = 0 if injected.effect == "base_tilt" else joint
     moving = used[:, shown] > 0
     return Sighting(
@@ -181,7 +181,7 @@ def _weighted(x: Array, weights: Array) -> Array:
 
 
 def _decimated(x: Array, filtered: bool = True) -> Array:
-    """Every so-many-th sample away from the edges, low-passed first unless told not to."""
+    """Every so-many-th sample away from the edges, low-passed first unless ``filtered`` is False."""
     low = zero_phase_lowpass(x, RATE, CUTOFF) if filtered else x
     edge = edge_samples(RATE, CUTOFF)
     return low[edge : len(x) - edge : decimation_step(RATE, CUTOFF)]

@@ -26,7 +26,7 @@ def estimate_document(result: IdentificationResult) -> dict[str, Any]:
 
     torque_rms and relative_residual are per joint, over all runs of a kind, empty where there are none;
     torque_rms_unfiltered is of the torque as logged, above the cut-off too; given_relative_residual is that
-    of the model as given; determined tells which base parameters the runs know better than the model did;
+    of the model as given; determined: which base parameters the runs determine better than the model did;
     percent_sigma in %; runs give each run's own torque RMS. essential and the tests are null where the result
     has none.
     """

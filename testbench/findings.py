@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 # A validation error up to this many times the noise floor is called "at the noise floor"; one up to so many
 # times the fit's, in N·m, is no larger.
 AT_NOISE_FLOOR = 1.2
-# A validation error this many times the fit's says that the runs tell too little.
+# A validation error this many times the fit's says that the runs determine too little.
 OVERFIT = 1.5
 # A change scaled by less than this is said to be.
 WHOLE = 0.995
@@ -137,7 +137,9 @@ def headline(result: IdentificationResult) -> str:
     given = torque_error(result.given[count:] or result.given[:count])
     parts = []
     if fit is not None and validation is not None and _predicts_far_worse(fit, validation):
-        parts.append("These runs tell too little: the fit is far better than what it predicts of other runs")
+        parts.append(
+            "These runs determine too little: the fit is far better than what it predicts of other runs"
+        )
     if validation is not None:
         parts.append(
             f"Torque on runs that were not fitted is predicted to {_percent(validation.overall)} of its RMS"
@@ -175,7 +177,7 @@ def left_open(result: IdentificationResult) -> tuple[str, ...]:
         known, count = result.determination.directions, result.estimate.base.count
         if known < count:
             found.append(
-                f"These runs tell {known} of {count} independent combinations of the base parameters;"
+                f"These runs determine {known} of {count} independent combinations of the base parameters;"
                 " the rest is held near the model as given"
             )
         found += result.determination.remarks

@@ -203,8 +203,8 @@ def _link(group: h5py.Group, name: str) -> tuple[int | None, str]:
     if kind == h5py.h5l.TYPE_HARD:
         return kind, ""
     value = links.get_val(key)
-    told = value if kind == h5py.h5l.TYPE_SOFT else b":".join(value)
-    return kind, told.decode("utf-8", "replace")
+    target = value if kind == h5py.h5l.TYPE_SOFT else b":".join(value)
+    return kind, target.decode("utf-8", "replace")
 
 
 def single(value: Any) -> Any:

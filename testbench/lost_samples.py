@@ -18,7 +18,7 @@ from .time_stamps import off_cubic
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# So many samples in a row can be lost: what is longer is a rest, or a gap that time stamps should tell.
+# So many samples in a row can be lost: what is longer is a rest, or a gap that time stamps should show.
 MOST_LOST = 5
 # A spoiled sample is so many times farther from the cubic through its neighbours than samples near it are ...
 FARTHER, NEAR = 10.0, 50
@@ -89,12 +89,12 @@ def _held(recording: Recording) -> Mask:
     again = np.zeros(len(recording.time), bool)
     rows = np.concatenate([getattr(recording, field) for field in REQUIRED], axis=1)
     again[1:] = np.all(rows[1:] == rows[:-1], axis=1)
-    is_told = recording.torque.any()
+    has_torque = recording.torque.any()
     step = np.array([_step(position) for position in recording.position.T])
     for first, last in _stretches(again):
         # Where torque is not known a joint that hardly moves repeats its counts as well.
         moved = recording.position[min(last, len(again) - 1)] - recording.position[first - 1]
-        if last - first > MOST_LOST or not (is_told or np.any(np.abs(moved) > COUNTS * step)):
+        if last - first > MOST_LOST or not (has_torque or np.any(np.abs(moved) > COUNTS * step)):
             again[first:last] = False
     return again
 

@@ -105,7 +105,7 @@ def _files_beside(root: ElementTree.Element, home: Path, path: Path) -> Iterator
 
 
 def _copied(source: Path, home: Path, folder: Path, made: list[Path], field: str) -> str:
-    """Name of the copy of a file in ``folder``, which is told by its content, so that it replaces no other.
+    """Name of the copy of a file in ``folder``, named after its content, so that it replaces no other.
 
     Raises InputError for a file that is not there, and for what is no mesh and not below the model's folder:
     a stranger's model must not carry off a picture.

@@ -1,4 +1,4 @@
-"""A robot as its MJCF (or URDF) tells it: names, limits, chain and ground truth."""
+"""A robot as its MJCF (or URDF) describes it: names, limits, chain and ground truth."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

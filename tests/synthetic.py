@@ -46,7 +46,7 @@ LOG_RATE, FIT_RATE, NOISE = 500.0, 100.0, 0.05
 
 
 def synthetic_robot(directory: Path, xml: str = ARM) -> Robot:
-    """The robot of an MJCF string; two hinges and a slide unless told otherwise."""
+    """The robot of an MJCF string; two hinges and a slide by default."""
     path = directory / "arm.xml"
     path.write_text(xml)
     return load_robot(path)

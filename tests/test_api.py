@@ -79,8 +79,8 @@ def test_results_are_those_of_the_command_line(worked: Worked, tmp_path: Path) -
     assert estimates[0].read_text() == estimates[1].read_text()
     main(["diagnose", *model, log, two, "--out", str(tmp_path / "why")])
     for name in ("diagnosis.json", "corrected.xml"):
-        told, exported = ((folder / "why" / name).read_text() for folder in (tmp_path, worked.folder))
-        assert exported == told
+        written, exported = ((folder / "why" / name).read_text() for folder in (tmp_path, worked.folder))
+        assert exported == written
 
 
 def test_the_diagnosis_and_its_prediction_can_be_read(worked: Worked) -> None:

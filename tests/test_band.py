@@ -76,7 +76,7 @@ def test_behind_its_band_a_joints_torque_is_as_noisy_as_allowed(robot: Robot, sm
         assert bands.encoder_torque[joint] == pytest.approx(allowed, rel=0.01)
 
 
-def test_what_encoders_seem_to_add_is_told_where_the_band_is_the_widest_too(
+def test_what_encoders_seem_to_add_is_reported_where_the_band_is_the_widest_too(
     robot: Robot, smooth: Motion
 ) -> None:
     quiet, loud = (

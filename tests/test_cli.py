@@ -168,7 +168,7 @@ MISUSE = [
 
 
 @pytest.mark.parametrize(("arguments", "says"), MISUSE, ids=[arguments for arguments, _ in MISUSE])
-def test_wrong_arguments_are_told_in_one_line(
+def test_wrong_arguments_are_reported_in_one_line(
     place: Path, arguments: str, says: list[str], capfd: pytest.CaptureFixture[str]
 ) -> None:
     line = complaint(arguments, capfd)
@@ -237,7 +237,7 @@ BAD_VALUES = [
 
 
 @pytest.mark.parametrize(("arguments", "says"), BAD_VALUES, ids=[arguments for arguments, _ in BAD_VALUES])
-def test_bad_input_is_told_in_one_line(
+def test_bad_input_is_reported_in_one_line(
     place: Path, arguments: str, says: list[str], capfd: pytest.CaptureFixture[str]
 ) -> None:
     line = complaint(arguments, capfd)
@@ -262,7 +262,7 @@ BAD_SCENARIOS = [
 
 
 @pytest.mark.parametrize(("text", "says"), BAD_SCENARIOS, ids=[text for text, _ in BAD_SCENARIOS])
-def test_a_bad_scenario_is_told_in_one_line(
+def test_a_bad_scenario_is_reported_in_one_line(
     place: Path, text: str, says: list[str], capfd: pytest.CaptureFixture[str]
 ) -> None:
     head = "name: s\n" if text.startswith("model") else "name: s\nmodel: arm.xml\n"
@@ -296,7 +296,7 @@ BAD_MODELS = [
 
 
 @pytest.mark.parametrize(("xml", "says"), BAD_MODELS, ids=[says[-1] for _, says in BAD_MODELS])
-def test_a_model_that_will_not_do_is_told_in_one_line(
+def test_a_model_that_will_not_do_is_reported_in_one_line(
     place: Path, xml: str, says: list[str], capfd: pytest.CaptureFixture[str]
 ) -> None:
     (place / "bad.xml").write_text(xml)
@@ -360,7 +360,7 @@ def test_a_motion_that_leaves_parameters_open_is_refused_when_asked(
 
 
 @pytest.mark.parametrize(("change", "says"), BAD_LOGS, ids=[change.__name__ for change, _ in BAD_LOGS])
-def test_a_log_that_will_not_do_is_told_in_one_line(
+def test_a_log_that_will_not_do_is_reported_in_one_line(
     place: Path, change: Callable[[h5py.File], None], says: list[str], capfd: pytest.CaptureFixture[str]
 ) -> None:
     changed(place / "fit.h5", place / "bad.h5", change)

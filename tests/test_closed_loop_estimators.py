@@ -150,7 +150,7 @@ def test_the_filter_starts_from_the_nominal_model(exact):
 
 
 @pytest.mark.parametrize("name", ["didim", "instrumental_variable", "output_error"])
-def test_a_log_without_reference_is_told_so(noisy, name):
+def test_a_log_without_reference_is_reported_so(noisy, name):
     with pytest.raises(InputError, match="reference and controller"):
         estimate(replace(noisy.problem, closed_loop=None), name)
 

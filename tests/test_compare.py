@@ -148,7 +148,7 @@ def test_dask_workers_run_the_cases(scenario, tmp_path):
     assert len(_rows(tmp_path / "out" / "results.csv")) == 8
 
 
-def test_a_scheduler_that_does_not_answer_is_told_so(scenario, tmp_path, monkeypatch):
+def test_a_scheduler_that_does_not_answer_is_reported_so(scenario, tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "PATIENCE", "1s")
     with pytest.raises(InputError, match="--scheduler"):
         compare("estimators", scenario("wls"), tmp_path / "out", scheduler="tcp://127.0.0.1:9")
@@ -206,8 +206,8 @@ def test_a_missing_recording_is_left_out(scenario, tmp_path, in_this_process):
 
 def test_real_recordings_are_compared_by_halves(scenario, tmp_path, real_data, in_this_process):
     path, data = scenario("wls"), real_data / "tx40"
-    told = f"recorded: {{model: {data}/nominal.xml, halves: [{data}/half_1.h5, {data}/half_2.h5]}}"
-    path.write_text(path.read_text().replace("difference_starts: 1", told))
+    recorded = f"recorded: {{model: {data}/nominal.xml, halves: [{data}/half_1.h5, {data}/half_2.h5]}}"
+    path.write_text(path.read_text().replace("difference_starts: 1", recorded))
     found = compare("estimators", path, tmp_path / "out")
     rows = [r for r in _rows(tmp_path / "out" / "results.csv") if r["level"] == "recorded"]
     assert len(rows) == 2

@@ -219,7 +219,7 @@ def test_columns_are_independent_and_units_drop_out(method):
     position = np.column_stack([np.sin(3 * time), np.cos(5 * time) + time])
     position += 1e-4 * rng.normal(size=position.shape)
     both = run(method, position)
-    # A slide joint told in mm.
+    # A slide joint in mm.
     alone = run(method, 1000.0 * position[:, 1])
     for name in ("q", "dq", "ddq"):
         values = getattr(both, name)

@@ -93,11 +93,11 @@ def test_effects_together_do_not_depend_on_threads_or_on_other_runs(arm: Robot) 
     assert same(both[0], alone[0])
 
 
-def test_effects_are_told_in_the_truth_and_nowhere_else(arm: Robot, tmp_path: Path) -> None:
+def test_effects_are_reported_in_the_truth_and_nowhere_else(arm: Robot, tmp_path: Path) -> None:
     recording = run(arm, placed(arm, "backlash", gap=0.002))
     write_log(recording, tmp_path / "log.h5")
-    kept, told = read_log(tmp_path / "log.h5"), read_log(tmp_path / "log.h5", with_truth=True)
-    assert told.truth_effects == [
+    kept, with_truth = read_log(tmp_path / "log.h5"), read_log(tmp_path / "log.h5", with_truth=True)
+    assert with_truth.truth_effects == [
         {"effect": "backlash", "joint": "lift", "into": None, "law": "dead_zone", "values": {"gap": 0.002}}
     ]
     assert not kept.truth_effects

@@ -1,4 +1,4 @@
-"""What cannot be written is told before any work, and what is read is not replaced."""
+"""What cannot be written is reported before any work, and what is read is not replaced."""
 
 from pathlib import Path
 

@@ -79,7 +79,7 @@ def test_descriptions_hold_together():
         assert {*description.size_names} <= names
         assert description.at_times or not description.is_event
         assert description.or_of_one_joint or description.healthy_alone is None
-        assert len({*description.told_by}) == len(description.told_by)
+        assert len({*description.shown_by}) == len(description.shown_by)
         assert {*description.confused_with} <= {*effects()}
-    told = {record for each in effects().values() for record in each.DESCRIPTION.told_by}
-    assert told == {*Experiment}
+    records = {record for each in effects().values() for record in each.DESCRIPTION.shown_by}
+    assert records == {*Experiment}

@@ -110,9 +110,9 @@ def test_well_excited_parameters_move_by_a_small_part_of_their_deviation(robot: 
     posed = problem(robot, np.full((5, robot.joints), 0.25))
     free, held = estimate(posed, "wls"), held_estimate(posed, "wls").estimate
     width = np.sqrt(np.diag(held_prior(posed)))
-    told = free.std < 0.1 * width
-    assert told.sum() >= 5
-    assert np.max(np.abs(held.values - free.values)[told] / free.std[told]) < 0.2
+    known = free.std < 0.1 * width
+    assert known.sum() >= 5
+    assert np.max(np.abs(held.values - free.values)[known] / free.std[known]) < 0.2
 
 
 def held_prior(posed: Problem) -> NDArray[np.float64]:

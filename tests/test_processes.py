@@ -59,7 +59,7 @@ def test_a_pool_works_and_gives_sigterm_back() -> None:
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_an_interrupt_is_told_in_one_line(
+def test_an_interrupt_is_reported_in_one_line(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     def interrupted(as_json: bool) -> None:

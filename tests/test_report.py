@@ -166,8 +166,8 @@ def test_a_run_of_less_torque_is_not_predicted_worse_for_that(result: Identifica
     residual = fit.measured - fit.predicted
     quiet = replace(fit, measured=0.4 * fit.measured, predicted=0.4 * fit.measured - residual)
     worse = replace(fit, predicted=fit.measured - 3 * residual)
-    assert "tell too little" not in headline(replace(result, validations=(quiet,)))
-    assert "tell too little" in headline(replace(result, validations=(worse,)))
+    assert "determine too little" not in headline(replace(result, validations=(quiet,)))
+    assert "determine too little" in headline(replace(result, validations=(worse,)))
 
 
 def test_headline_compares_with_noise_and_truth(result: IdentificationResult) -> None:
@@ -180,7 +180,7 @@ def test_headline_compares_with_noise_and_truth(result: IdentificationResult) ->
     assert "truth" not in headline(without_truth(result))
 
 
-def test_without_noise_nothing_is_told_as_a_multiple_of_it(result: IdentificationResult) -> None:
+def test_without_noise_nothing_is_reported_as_a_multiple_of_it(result: IdentificationResult) -> None:
     assert result.comparison is not None
     silent = replace(result.comparison, noise_floor=np.zeros(3))
     clean = replace(result, comparison=silent)

@@ -64,7 +64,7 @@ def test_the_estimate_is_as_good_as_its_noise_allows(folder: Path, result: Ident
     assert [row["truth"] for row in found["base_parameters"]] == result.comparison.truth.tolist()
 
 
-def test_the_residual_is_tested_and_the_essential_parameters_told(
+def test_the_residual_is_tested_and_the_essential_parameters_reported(
     folder: Path, result: IdentificationResult
 ) -> None:
     found = json.loads((folder / "out" / "estimate.json").read_text())
@@ -147,7 +147,7 @@ def test_another_seed_gives_other_noise_and_another_motion(
     assert not np.array_equal(one.reference_position, other.reference_position)
 
 
-def test_results_go_to_logs_unless_told_otherwise(
+def test_results_go_to_logs_unless_stated_otherwise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

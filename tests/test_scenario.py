@@ -82,7 +82,7 @@ def test_variants_change_only_what_they_name(scenario_file):
         ),
     ],
 )
-def test_faults_are_told_in_one_line(scenario_file, text, complaint):
+def test_faults_are_reported_in_one_line(scenario_file, text, complaint):
     path = scenario_file(text)
     with pytest.raises(InputError, match=complaint) as caught:
         load_scenario(path)

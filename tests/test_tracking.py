@@ -204,7 +204,7 @@ def test_a_joint_that_sags_gets_its_bandwidth_though_the_rate_bounds_another(tmp
 
 
 def test_links_too_light_for_any_loop_are_refused_by_name(tmp_path: Path) -> None:
-    # Upright, nothing but their inertia about one line tells the odd joints apart.
+    # Upright, nothing but their inertia about one line distinguishes the odd joints.
     rods = light_arm(0.0, slim=1e-6).replace('damping="0.2"', "")
     with pytest.raises(InputError, match="j[1357]: expected the rotors' inertia .armature."):
         held_up(SimulationOptions(), robot_from(rods, tmp_path))

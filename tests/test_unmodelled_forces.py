@@ -1,4 +1,4 @@
-"""Forces of a model that nothing reckons with are told when it is loaded, not passed over."""
+"""Forces of a model that the program does not model are reported when it is loaded, not ignored."""
 
 import mujoco
 import numpy as np
@@ -65,7 +65,7 @@ HARMLESS = {
 
 
 @pytest.mark.parametrize("force", FORCES)
-def test_a_force_that_nothing_reckons_with_is_told_with_its_value_and_element(force):
+def test_a_force_that_nothing_reckons_with_is_reported_with_its_value_and_element(force):
     assert unmodelled_forces(mujoco.MjModel.from_xml_string(FORCES[force])) == (force,)
 
 

@@ -36,8 +36,8 @@ def why(open_: Sequence[str], chosen: Sequence[str], separation: float | None, r
 
 def _advice(names: Sequence[str]) -> str:
     """Advice on what to record to distinguish these effects, after a colon; empty without any."""
-    told_by = [each for name in set(names) - {"none"} for each in effect(name).DESCRIPTION.told_by]
-    advised = (each for each in Experiment if told_by.count(each) >= each.fewest)
+    shown_by = [each for name in set(names) - {"none"} for each in effect(name).DESCRIPTION.shown_by]
+    advised = (each for each in Experiment if shown_by.count(each) >= each.fewest)
     return next((f": {each.words}" for each in advised), "")
 
 

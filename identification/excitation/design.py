@@ -171,9 +171,7 @@ def descend(problem: DesignProblem, z: Array, iterations: int, report: Callable[
     # SLSQP starts from a unit Hessian: so scaled, its first step is small against the limits.
     steepest = float(np.linalg.norm(problem.gradient(z)))
     if not 0 < steepest < np.inf:
-        raise InputError(
-            "excitation", "parameters", "parameters that a motion can tell more or less of", "none"
-        )
+        raise InputError("excitation", "parameters", "parameters that a motion can excite", "none")
     scale = FIRST_STEP / steepest
 
     def scaled_value(z: Array) -> float:

@@ -16,7 +16,7 @@ SAME = 0.05
 ONE_WAY = 0.02
 # Share of a range that is little, of joints with a range; rad (m) of the others.
 LITTLE, LITTLE_WAY = 0.05, 0.1
-# s of motion, all runs together, that tell little.
+# s of motion, all runs together, that are too short.
 SHORT = 10.0
 FEWEST = 12
 
@@ -57,7 +57,7 @@ def _sines(subject: Subject, samples: Samples, moving: list[int]) -> list[Findin
     for joint in moving:
         frequencies = [_frequency(samples, joint, run) for run in np.unique(samples.run).tolist()]
         known = [each for each in frequencies if each is not None]
-        # One run that is no sine tells enough.
+        # One run that is no sine is enough.
         if known and all(each > 0 for each in known):
             hertz[joint] = known
     if not hertz:
@@ -76,7 +76,7 @@ def _sines(subject: Subject, samples: Samples, moving: list[int]) -> list[Findin
         )
         whose = f"One sine alone at {each}"
     sentence = (
-        f"{whose}: inertia and gravity there can hardly be told apart; record several frequencies, as "
+        f"{whose}: inertia and gravity there can hardly be distinguished; record several frequencies, as "
         "testbench excite designs"
     )
     return [Finding(Severity.WARN, "one_sine", sentence, names)]
@@ -101,8 +101,8 @@ def _ways(subject: Subject, samples: Samples, moving: list[int]) -> list[Finding
     ]
     if one_way:
         names = subject.names(one_way)
-        sentence = f"{', '.join(names)} moved one way alone: friction and offset there cannot be told apart"
-        found.append(Finding(Severity.WARN, "one_way", f"{sentence}; move it both ways", names))
+        sentence = f"{', '.join(names)} moved one way alone: friction and offset there cannot be"
+        found.append(Finding(Severity.WARN, "one_way", f"{sentence} distinguished; move it both ways", names))
     limits = subject.robot.limits
     way = np.ptp(samples.q, axis=0)
     span = limits.upper - limits.lower
@@ -114,6 +114,6 @@ def _ways(subject: Subject, samples: Samples, moving: list[int]) -> list[Finding
             f"{name} {way[joint]:.2g} {'m' if subject.robot.chain.is_slide[joint] else 'rad'}"
             for name, joint in zip(names, little, strict=True)
         )
-        sentence = f"Short ways: {each}; gravity there can hardly be told from offsets"
+        sentence = f"Short ways: {each}; gravity there can hardly be distinguished from offsets"
         found.append(Finding(Severity.NOTE, "short_way", sentence, names))
     return found

@@ -25,8 +25,8 @@ def check(subject: Subject) -> list[Finding]:
     if moving and bare.under(plain).evidence > with_both + ODDS * moving:
         sentence = (
             "The torque has no friction and no rotors in it: joint torque sensors on the link's side. "
-            "Friction and rotor inertia cannot be told from these logs: take them from the model, or log "
-            "motor currents"
+            "Friction and rotor inertia are not identifiable from these logs: take them from the model, or "
+            "log motor currents"
         )
         return [Finding(Severity.WARN, "link_side", sentence, (), "", "joint/torque")]
     return []

@@ -5,7 +5,7 @@ The parameters are Gaussian about the model's, as wide as CAD and data sheets ar
 with the parameters integrated out (MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992), compares
 conventions: a model that is a little wrong everywhere costs little, one that must be bent far costs much.
 
-A joint that stands still tells its gravity to within its friction, once a run.
+A joint that stands still determines its gravity torque to within its friction, once a run.
 """
 
 from dataclasses import dataclass, replace

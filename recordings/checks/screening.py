@@ -31,8 +31,8 @@ ALIKE = 0.003
 PER_MISTAKE = 4.0
 # A scale is worth a hypothesis beyond this factor, where torque goes with the model's by this correlation.
 OFF_SCALE, GOES_WITH = 1.2, 0.7
-# Singular values below this share of the largest tell nothing of gravity.
-TELLS = 1e-3
+# Singular values below this share of the largest do not determine gravity.
+LEAST_SINGULAR = 1e-3
 # Columns of three are passed round where the exchange of two is one of so many likeliest: all of an arm's.
 SWAPS = 24
 # What no assignment chooses.
@@ -172,7 +172,7 @@ class Screening:
             size = max(float(np.linalg.norm(read.torque[column.used, joint])), TINY)
             columns.append(column.without(np.column_stack([w[column.used, joint] for w in weights])) / size)
             wanted.append(column.without(gap[column.used, joint]) / size)
-        more = np.linalg.lstsq(np.concatenate(columns), np.concatenate(wanted), rcond=TELLS)[0]
+        more = np.linalg.lstsq(np.concatenate(columns), np.concatenate(wanted), rcond=LEAST_SINGULAR)[0]
         felt = chain.gravity + more
         # An arm may hang or lean, but weigh nothing else: more or less torque than this is the masses'.
         felt *= np.linalg.norm(chain.gravity) / max(float(np.linalg.norm(felt)), TINY)

@@ -31,7 +31,7 @@ class Subject:
 
     @cached_property
     def searched(self) -> tuple[Candidate, Candidate] | None:
-        """The model's own convention and the likeliest; None where the runs are too short to tell."""
+        """The model's own convention and the likeliest; None where the runs are too short."""
         return None if self.fit is None else search(self.fit)
 
     def names(self, joints: list[int]) -> tuple[str, ...]:

@@ -155,7 +155,7 @@ def _placed(
     source = label if column.label else head
     places = [at for at, word in enumerate(source.words) if word.isdecimal()]
     if not places:
-        # Labels that are no joint's name still tell the columns of one list apart.
+        # Labels that are no joint's name still distinguish the columns of one list.
         rest = tuple(word for word in label.words if quantity_word([word])) if column.label else ()
         return None, None, (head.words, rest)
     number = int(source.words[places[-1]])

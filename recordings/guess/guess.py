@@ -60,7 +60,7 @@ def guess_mapping(table: Table, joints: Joints | None = None) -> Guess:
     if first is None:
         names = [group.title for group in groups][:LISTED]
         expected = "columns of joint positions; where there are some, write a map (docs/import.md)"
-        raise InputError(table.path, "position", expected, "none that a name or a format tells", names)
+        raise InputError(table.path, "position", expected, "none known by its name or format", names)
     placed, why = first.by_joint(len(joints.names))
     chosen = sorted(placed)
     if joints.are_of_model and len(chosen) < len(joints.names) and not first.is_named(len(joints.names)):

@@ -102,7 +102,7 @@ def velocity_unit(values: Array, position: Array, time: Array, is_slide: bool) -
     own = values[::every]
     moving = np.ptp(position, axis=0) > MOVES
     if not moving.any():
-        return next(iter(UNITS["velocity"][is_slide])), "nothing moves that could tell the unit"
+        return next(iter(UNITS["velocity"][is_slide])), "no joint moves, which leaves the unit open"
     together = [_correlation(own[:, joint], derivative[:, joint]) for joint in np.flatnonzero(moving)]
     if np.median(together) < GOES_WITH:
         got = f"correlation {np.median(together):.2f}"

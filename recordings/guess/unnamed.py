@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 # A block goes with the derivative of the positions, or with them, so well.
 DERIVATIVE, SAME = 0.8, 0.99
-# Further off than this share of what joints move, it is not where they were told to go.
+# Further off than this share of the joints' range of motion, a block is not their commanded position.
 NEAR = 0.5
 
 

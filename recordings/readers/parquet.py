@@ -68,7 +68,7 @@ def _part(channel: Channel, rows: slice | Numbers) -> Channel:
 
 
 def _episodes(channels: list[Channel]) -> list[tuple[int | None, Any]]:
-    """Number and rows of each episode; all rows and no number where the file tells none."""
+    """Number and rows of each episode; all rows and no number where the file states none."""
     index = next((channel.values[:, 0] for channel in channels if channel.name == EPISODE), None)
     if index is None:
         return [(None, slice(None))]

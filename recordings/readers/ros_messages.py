@@ -1,4 +1,4 @@
-"""Messages of ROS that tell of joints: their fields, and definitions that bags may lack."""
+"""ROS messages that carry joint data: their fields, and definitions that bags may lack."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

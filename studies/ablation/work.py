@@ -26,8 +26,8 @@ def draw_case(plant: str, seed: int, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     case = draw(plant, seed)
     case.write(folder)
-    told = {"plant": plant, "seed": seed, "kind": case.kind, "faults": [asdict(each) for each in case.faults]}
-    write_json(told, folder / ANSWER)
+    faults = [asdict(each) for each in case.faults]
+    write_json({"plant": plant, "seed": seed, "kind": case.kind, "faults": faults}, folder / ANSWER)
 
 
 def trace(case: Path) -> dict[str, Any]:

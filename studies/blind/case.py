@@ -95,7 +95,7 @@ def make_case(scenario: BlindScenario, index: int, out: Path) -> dict[str, Any]:
         for number, recording in enumerate(made.given, start=1):
             write_log(recording, place.given / f"run_{number}.h5")
         write_log(made.hidden, place.hidden)
-        settings = draw.told()
+        settings = draw.answer()
         answer = {
             "case": draw.name,
             "kind": draw.kind,

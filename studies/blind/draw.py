@@ -90,7 +90,7 @@ class Draw:
     links_alone: bool
     held: float
 
-    def told(self) -> dict[str, Any]:
+    def answer(self) -> dict[str, Any]:
         """All of it as JSON types."""
         return asdict(self)
 

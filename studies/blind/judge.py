@@ -12,7 +12,7 @@ from testbench.effects import effect, effects
 Row = dict[str, Any]
 
 VERDICTS = ("none", "parameters", "effect", "unknown")
-# The parameters that tell how large an effect is; the first one where nothing is said here.
+# The parameters that state how large an effect is; the first one where nothing is said here.
 SIZES = {"base_tilt": ("roll", "pitch")}
 # And what they are relative to.
 PER = {"thermal_friction_drift": ("power",)}
@@ -29,7 +29,7 @@ def judge(answer: Mapping[str, Any], diagnosis: Mapping[str, Any], source: objec
     """
     verdict, named = _checked(diagnosis, source)
     if "rejected" not in answer:
-        raise InputError(source, "rejected", "an answer that tells what was drawn and rejected", "none")
+        raise InputError(source, "rejected", "an answer that lists what was drawn and rejected", "none")
     acting = answer["effects"]
     first = named[0] if named else None
     exact = first is not None and any(_same(first, each) for each in acting)
@@ -133,9 +133,9 @@ def _same(named: Mapping[str, Any], acting: Mapping[str, Any]) -> bool:
 
 
 def _stated(named: Mapping[str, Any], acting: Mapping[str, Any]) -> bool:
-    """Whether the acting effect is in the set that the diagnosis says it cannot tell from the named one.
+    """Whether the acting effect is among those that the diagnosis cannot distinguish from the named one.
 
-    An effect of the whole robot is alike wherever it is told of.
+    An effect of the whole robot is alike wherever it is reported.
     """
     if acting["effect"] not in named["confusable_with"]:
         return False
@@ -143,7 +143,7 @@ def _stated(named: Mapping[str, Any], acting: Mapping[str, Any]) -> bool:
 
 
 def _alike(named: Mapping[str, Any] | None, acting: Mapping[str, Any]) -> bool:
-    """Whether the catalogue knows the two as hard to tell apart."""
+    """Whether the catalogue knows the two as hard to distinguish."""
     if named is None or acting["effect"] not in effects():
         return False
     pair = named["effect"], acting["effect"]
@@ -161,8 +161,8 @@ def _joint_right(
     if not places or not all(places):
         return None
     where = diagnosis.get("where") or []
-    told = {where[0]["joint"]} if first is None and where else set() if first is None else _place(first)
-    return any(bool(told & place) for place in places)
+    reported = {where[0]["joint"]} if first is None and where else set() if first is None else _place(first)
+    return any(bool(reported & place) for place in places)
 
 
 def _parameter_error(named: Sequence[Mapping[str, Any]], acting: Sequence[Mapping[str, Any]]) -> float | None:
@@ -179,10 +179,10 @@ def _parameter_error(named: Sequence[Mapping[str, Any]], acting: Sequence[Mappin
         if not _same(each, true):
             continue
         try:
-            told = {name: float(each["parameters"][name]["value"]) for name in (*sizes, *per)}
+            reported = {name: float(each["parameters"][name]["value"]) for name in (*sizes, *per)}
             found, size = (
                 np.array([values[name] for name in sizes]) / np.prod([values[name] for name in per])
-                for values in (told, true["values"])
+                for values in (reported, true["values"])
             )
         except (KeyError, TypeError, ValueError):
             return None

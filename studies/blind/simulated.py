@@ -52,8 +52,8 @@ class PlannedCase:
 
     robot: the true one. model: what its drives know of it. nominal: the model that goes with the logs.
     references: of the runs that are given, then of the hidden one; streams: of the noise of each. injections:
-    the effects beside the background. healthy: options of the twin, which has the same background. telling:
-    the stream of what is logged beside position and torque.
+    the effects beside the background. healthy: options of the twin, which has the same background.
+    log_stream: of the channels logged beside position and torque.
     """
 
     draw: Draw
@@ -64,7 +64,7 @@ class PlannedCase:
     streams: tuple[np.random.SeedSequence, ...]
     injections: tuple[Injection, ...]
     healthy: SimulationOptions
-    telling: np.random.SeedSequence
+    log_stream: np.random.SeedSequence
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class IdealRuns:
 
 @dataclass(frozen=True)
 class SimulatedCase:
-    """Logs as they are told. given: runs to diagnose. hidden: one more. twin: all of them without effects."""
+    """Logs of a case. given: runs to diagnose. hidden: one more. twin: all of them without effects."""
 
     given: tuple[Recording, ...]
     hidden: Recording
@@ -92,7 +92,7 @@ def planned_case(
 
     Raises InputError where the model leaves no room to move, or an effect cannot be put into the robot.
     """
-    true, wrong, small, numbers, noise, telling = stream.spawn(6)
+    true, wrong, small, numbers, noise, log_stream = stream.spawn(6)
     section = scenario.robots[draw.robot]
     robot = robot_of(section.model)
     if section.error > 0:
@@ -127,7 +127,7 @@ def planned_case(
             physics_timestep=scenario.runs.physics_timestep,
             effects=effects,
         ),
-        telling=telling,
+        log_stream=log_stream,
     )
 
 
@@ -153,7 +153,7 @@ def simulated_case(case: PlannedCase) -> SimulatedCase:
     recordings = _simulated(case, [(case.healthy, kind, run) for kind in kinds for run in range(count)])
     given = tuple(
         _held(recording, case.draw.held, stream)
-        for recording, stream in zip(recordings[: count - 1], case.telling.spawn(count - 1), strict=True)
+        for recording, stream in zip(recordings[: count - 1], case.log_stream.spawn(count - 1), strict=True)
     )
     return SimulatedCase(given, recordings[count - 1], recordings[-count:])
 
@@ -161,7 +161,7 @@ def simulated_case(case: PlannedCase) -> SimulatedCase:
 def _simulated(
     case: PlannedCase, runs: Sequence[tuple[SimulationOptions, tuple[Injection, ...], int]]
 ) -> tuple[Recording, ...]:
-    """As told, one a run: options of the healthy robot, effects beside its background, and motion."""
+    """A recording a run, as logged; runs: options of the healthy robot, effects beside these, motion."""
     recordings = simulate(
         case.robot,
         [case.references[index] for _, _, index in runs],
@@ -171,7 +171,7 @@ def _simulated(
         threads=1,
         beside=OUTSIDE,
     )
-    return tuple(_told(recording, case.draw, case.telling) for recording in recordings)
+    return tuple(_logged(recording, case.draw, case.log_stream) for recording in recordings)
 
 
 def _references(draw: Draw, model: Robot) -> tuple[Reference, ...]:
@@ -221,11 +221,11 @@ def _sensors(draw: Draw, robot: Robot) -> SensorOptions:
     )
 
 
-def _told(recording: Recording, draw: Draw, stream: np.random.SeedSequence) -> Recording:
+def _logged(recording: Recording, draw: Draw, stream: np.random.SeedSequence) -> Recording:
     """The recording with the channels that this case logs, and nothing that only a simulation knows."""
     channels = draw.channels
     referenced = "reference" in channels
-    # Gains are told with the model that the drives have, which is not the one given with links alone.
+    # Gains are logged with the model that the drives have, which is not the one given with links alone.
     is_known = referenced and not draw.links_alone
     controller = recording.controller
     assert controller is not None

@@ -34,7 +34,7 @@ CALIBRATION_GOAL, CLOSED_GOAL = 0.05, 0.90
 
 @dataclass(frozen=True)
 class Line:
-    """One goal: what was found in words, and whether it is reached; None where no case tells."""
+    """One goal: what was found in words, and whether it is reached; None where no case shows it."""
 
     sentence: str
     reached: bool | None
@@ -61,8 +61,8 @@ def _share_line(figure: str, split: str, found: Share, goal: float, more: bool) 
         return Line(f"{figure}{where}: no case ({bound})", None)
     low, high = found.interval
     reached = found.value >= goal if more else found.value <= goal
-    told = f"{found.value:.1%} ({found.count} of {found.of}, {low:.0%} to {high:.0%})"
-    return Line(f"{figure}{where}: {told}; {bound}, {'reached' if reached else 'missed'}", reached)
+    value = f"{found.value:.1%} ({found.count} of {found.of}, {low:.0%} to {high:.0%})"
+    return Line(f"{figure}{where}: {value}; {bound}, {'reached' if reached else 'missed'}", reached)
 
 
 def _number_line(figure: str, found: float | None, goal: float, more: bool) -> Line:
@@ -79,7 +79,7 @@ def score_document(rows: Sequence[Row]) -> dict[str, Any]:
     for split, chosen in SPLITS.items():
         members = [row for row in rows if chosen(row)]
         for name, found in shares(members).items():
-            figures.setdefault(name, {})[split] = _told(found)
+            figures.setdefault(name, {})[split] = _entry(found)
         figures.setdefault("median share of the reducible gap closed", {})[split] = median_closed(members)
         figures.setdefault("expected calibration error", {})[split] = reliability(members).error
     calibration = reliability(rows)
@@ -92,19 +92,19 @@ def score_document(rows: Sequence[Row]) -> dict[str, Any]:
         "verdict": [asdict(line) for line in verdict(rows)],
         "figures": figures,
         "reliability": [
-            {"stated": stated, **_told(correct)}
+            {"stated": stated, **_entry(correct)}
             for stated, correct in zip(calibration.stated, calibration.correct, strict=True)
         ],
         "detection_limits": {
             name: {
-                split: asdict(limit) | {"cases": _told(limit.cases)}
+                split: asdict(limit) | {"cases": _entry(limit.cases)}
                 for split, chosen in SPLITS.items()
                 if (limit := detection_limits([row for row in rows if chosen(row)]).get(name)) is not None
             }
             for name in detection_limits(rows)
         },
         "unknown_by_effect": {
-            name: {"unknown": _told(unknown), "joint": _told(joint)}
+            name: {"unknown": _entry(unknown), "joint": _entry(joint)}
             for name, (unknown, joint) in unknown_by_effect(rows).items()
         },
         "rejected": {name: asdict(found) for name, found in rejections(rows).items()},
@@ -113,5 +113,5 @@ def score_document(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def _told(found: Share) -> dict[str, Any]:
+def _entry(found: Share) -> dict[str, Any]:
     return {"value": found.value, "interval": found.interval, "count": found.count, "of": found.of}

@@ -19,7 +19,7 @@ RATE, COLUMNS = 100.0, 3
 
 
 def probabilities(found: Outcome) -> go.Figure:
-    """Probability of each effect that was named or not told apart, by round; what acts in green."""
+    """Probability of each effect that was named or not distinguished, by round; what acts in green."""
     places: list[Place] = list(found.acts)
     for each in found.rounds:
         places += [place for place in each.probabilities if place not in places]

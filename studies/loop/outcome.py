@@ -24,7 +24,7 @@ class Place:
 class Round:
     """One diagnosis of all runs so far. number: from 1. runs: how many logs it read.
 
-    named: what it names. confused: what it cannot tell from the first of these. hidden: what its runs would
+    named: what it names. confused: what it cannot distinguish from the first. hidden: what its runs would
     not have shown. probabilities: of named and confused ones. document: diagnosis.json.
     """
 

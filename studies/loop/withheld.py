@@ -89,9 +89,9 @@ def recorded(
     references = [sample_reference(motion, simulation.control_rate, simulation.periods) for motion in motions]
     streams = _stream(robot.scenario, NOISE, number).spawn(len(references))
     recordings = simulate(robot.robot, references, robot.options, robot.nominal, streams, threads=jobs)
-    told: dict[str, Any] = {"scenario": robot.scenario.name, "round": number}
+    origin: dict[str, Any] = {"scenario": robot.scenario.name, "round": number}
     return tuple(
-        replace(each, truth={}, truth_effects=[], source="robot", provenance=told) for each in recordings
+        replace(each, truth={}, truth_effects=[], source="robot", provenance=origin) for each in recordings
     )
 
 

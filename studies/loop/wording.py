@@ -56,22 +56,22 @@ def proposed(each: Round) -> str:
 def truth(place: Place, values: Mapping[str, float]) -> str:
     """Phrase on a true effect, with its parameters."""
     parameters = effect(place.effect).DESCRIPTION.parameters
-    told = [
+    phrases = [
         f"{each.name.replace('_', ' ')} {significant(values[each.name], 3)}"
         + ("" if each.unit == "-" else f" {each.unit}")
         for each in parameters
         if each.name in values
     ]
-    return f"{labelled(place)}: {', '.join(told)}"
+    return f"{labelled(place)}: {', '.join(phrases)}"
 
 
 def estimated(named: Mapping[str, Any]) -> str:
     """Phrase on a reported effect, with its parameters, from its entry in diagnosis.json."""
-    told = []
+    phrases = []
     for name, value in named["parameters"].items():
         if not isinstance(value, Mapping):
-            told.append(f"{name} {value}")
+            phrases.append(f"{name} {value}")
         elif isinstance(value["value"], float):
             known = Quantity(value["value"], value["std"], value["unit"])
-            told.append(f"{name.replace('_', ' ')} {words.quantity(known)}")
-    return f"{labelled(Place(named['effect'], named['joint']))}: {', '.join(told)}"
+            phrases.append(f"{name.replace('_', ' ')} {words.quantity(known)}")
+    return f"{labelled(Place(named['effect'], named['joint']))}: {', '.join(phrases)}"

@@ -214,8 +214,8 @@ class CobotPlant:
         position, torque = position[::LOGGED], torque[::LOGGED]
         if rng is not None:
             torque = torque + robot.noise * robot.sheet.torque * rng.standard_normal((len(torque), n))
-        told = tuple(part[::LOGGED] for part in motion)
-        return log_of(self.name, robot.sheet, CONTROL / LOGGED, position, torque, (told[0], told[1], told[2]))
+        reference = motion[0][::LOGGED], motion[1][::LOGGED], motion[2][::LOGGED]
+        return log_of(self.name, robot.sheet, CONTROL / LOGGED, position, torque, reference)
 
 
 @njit(cache=True)

@@ -105,8 +105,8 @@ def drawn(plant: Plant, seed: int, healthy: bool = False) -> Case:
             again = _streams(plant.name, seed, attempt)[NOISE].spawn(count)
             runs = [plant.run(robot, motion, each) for motion, each in zip(motions, again, strict=True)]
         model = plant.links(robot).from_cad(modelling).mjcf(plant.name)
-        told: Kind = "healthy" if healthy else kind
-        return Case(plant.name, seed, told, model, tuple(runs), () if healthy else faults)
+        stated: Kind = "healthy" if healthy else kind
+        return Case(plant.name, seed, stated, model, tuple(runs), () if healthy else faults)
     raise RuntimeError(f"{plant.name}: none of {ATTEMPTS} robots of seed {seed} follows its motions")
 
 
@@ -154,7 +154,7 @@ def _with_faults(
             continue
         sick = plant.faulty(sick, place, size, np.random.default_rng(seed))
         taken.append(place)
-        faults.append(_told(plant, robot, place, share))
+        faults.append(_fault(plant, robot, place, share))
     if len(faults) < count:
         raise RuntimeError(f"{plant.name}: no {kind} fault moves enough torque in {ATTEMPTS} attempts")
     return sick, tuple(faults)
@@ -201,7 +201,7 @@ def moved(torque: Array, clean: Array, joint: int | None) -> float:
     return float(share.max() if joint is None else share[joint])
 
 
-def _told(plant: Plant, robot: Any, place: Place, share: float) -> Fault:
+def _fault(plant: Plant, robot: Any, place: Place, share: float) -> Fault:
     names = plant.links(robot).names
     joint, into = (None if j is None else names[j] for j in (place.joint, place.into))
     return Fault(place.effect, joint, into, place.law, share)
@@ -210,7 +210,7 @@ def _told(plant: Plant, robot: Any, place: Place, share: float) -> Fault:
 def log_of(
     plant: str, links: Links, rate: float, position: Array, torque: Array, motion: Motion | None = None
 ) -> Recording:
-    """A robot-log; rate: Hz. motion: at that rate, the reference where the controller tells it."""
+    """A robot-log; rate: Hz. motion: at that rate, the reference where the controller logs it."""
     reference = motion or (None, None, None)
     return Recording(
         robot=plant,

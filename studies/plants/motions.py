@@ -1,4 +1,4 @@
-"""Motions that drawn robots are told to follow; each returns (position, velocity, acceleration), (N, n)."""
+"""Commanded motions of drawn robots; each returns (position, velocity, acceleration), (N, n)."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -225,8 +225,8 @@ class RedundantPlant:
             quantum = 2 * np.pi / 2.0**18
             seen = quantum * np.round(seen / quantum)
             torque = torque + robot.noise * sheet.torque * rng.standard_normal(torque.shape)
-        told = tuple(part[::PERIOD] for part in motion)
-        return log_of(self.name, sheet, 1 / STEP / PERIOD, seen, torque, (told[0], told[1], told[2]))
+        reference = motion[0][::PERIOD], motion[1][::PERIOD], motion[2][::PERIOD]
+        return log_of(self.name, sheet, 1 / STEP / PERIOD, seen, torque, reference)
 
 
 def _mjcf(robot: Redundant) -> str:
@@ -312,7 +312,7 @@ def _in_place(model: mujoco.MjModel, robot: Redundant) -> None:
     """Set in the compiled model what its MJCF text leaves out: gravity, springs, curved friction, options."""
     model.opt.gravity[:] = robot.links.gravity
     model.opt.timestep = STEP
-    # An implicit step would take the servos' damping at its end, and the log would not tell that.
+    # An implicit step would take the servos' damping at its end, and the log would not show that.
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     off = mujoco.mjtDisableBit
     model.opt.disableflags |= off.mjDSBL_CONTACT | off.mjDSBL_EULERDAMP

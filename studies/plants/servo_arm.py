@@ -211,9 +211,9 @@ class ServoArmPlant:
         torque = ((total[PERIOD:] - total[:-PERIOD]) / PERIOD)[: len(position)][::PERIOD]
         if rng is not None:
             torque = torque + robot.noise * robot.sheet.torque * rng.standard_normal(torque.shape)
-        told = tuple(part[::PERIOD] for part in motion)
+        reference = motion[0][::PERIOD], motion[1][::PERIOD], motion[2][::PERIOD]
         rate = 1 / (STEP * PERIOD)
-        return log_of(self.name, robot.sheet, rate, position[::PERIOD], torque, (told[0], told[1], told[2]))
+        return log_of(self.name, robot.sheet, rate, position[::PERIOD], torque, reference)
 
 
 @njit(cache=True)

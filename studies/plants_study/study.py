@@ -45,11 +45,11 @@ def study(out: Path, robots: int = 60, seed: int = 0, jobs: int | None = None) -
     Leaves results/, plants.md, plants.csv and plants.json. Raises InputError for a folder of another study.
     """
     require_writable(out / SCORES)
-    begun, told = out / "study.json", {"robots": robots, "seed": seed, "plants": list(plants())}
+    begun, settings = out / "study.json", {"robots": robots, "seed": seed, "plants": list(plants())}
     if not begun.is_file():
-        write_json(told, begun)
-    elif read_json(begun) != told:
-        raise InputError(begun, "study", "the robots and seed that the folder was begun with", told)
+        write_json(settings, begun)
+    elif read_json(begun) != settings:
+        raise InputError(begun, "study", "the robots and seed that the folder was begun with", settings)
     cases = {
         f"{name}_{index:04d}": Robot(name, 10_000 * seed + index)
         for index in range(1, robots + 1)
@@ -87,9 +87,9 @@ def work(robot: Robot) -> Row:
 def judged(row: Row, faults: Sequence[dict[str, Any]], said: dict[str, Any]) -> Row:
     """The row of a case.
 
-    first_right: the first name is a fault of the robot, at its joints. in_set: or it says that it cannot
-    tell it
-    from one, at the same joint. all_named: every fault has a name. wrong: names that are neither.
+    first_right: the first name is a fault of the robot, at its joints. in_set: or it says that it
+    cannot distinguish it from one, at the same joint. all_named: every fault has a name. wrong: names that
+    are neither.
     """
     named = [
         {
@@ -127,7 +127,7 @@ def _same(name: dict[str, Any], fault: dict[str, Any]) -> bool:
 
 
 def _alike(name: dict[str, Any], fault: dict[str, Any]) -> bool:
-    """Whether the fault is in the set that the diagnosis cannot tell from the name, at one of its joints."""
+    """Whether the fault is in the set that the diagnosis cannot distinguish from the name, at its joints."""
     there = not _joints(name) or not _joints(fault) or bool(_joints(name) & _joints(fault))
     return fault["effect"] in name["alike"] and there
 

@@ -58,8 +58,8 @@ class Split(BaseModel):
     def title(self) -> str:
         """The split as a reader sees it."""
         fitted = [path.stem for path in self.fitted]
-        told = " + ".join(fitted) if len(fitted) <= 3 else f"{fitted[0]} and {len(fitted) - 1} more"
-        return f"{told} → {self.held_out.stem}"
+        names = " + ".join(fitted) if len(fitted) <= 3 else f"{fitted[0]} and {len(fitted) - 1} more"
+        return f"{names} → {self.held_out.stem}"
 
 
 def load_plan(path: Path, data: Path) -> list[Split]:

@@ -176,7 +176,7 @@ def diagnose(
 
     Args:
         robot: the model as given.
-        runs: by name; two or more of a minute in all tell most.
+        runs: by name; two or more, of a minute in all, determine most.
         without: effects to leave out of the catalogue.
         cutoff: Hz, no joint's band is wider; as its encoders let when None.
         payloads: kg by a run's name: that run carries this mass and the others do not.

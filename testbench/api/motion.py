@@ -76,7 +76,7 @@ def excite(
     clearance: float | None = None,
     seed: int = 0,
 ) -> Motion:
-    """A motion within the robot's limits that tells most of its parameters.
+    """A motion within the robot's limits that excites its parameters best.
 
     Args:
         robot: that is to move.

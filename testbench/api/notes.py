@@ -7,6 +7,6 @@ LOGGER = logging.getLogger("testbench")
 
 
 def note(sentences: Iterable[str]) -> None:
-    """Log each sentence as a warning, which Python shows on stderr unless told otherwise."""
+    """Log each sentence as a warning, which Python shows on stderr unless configured otherwise."""
     for sentence in sentences:
         LOGGER.warning(sentence)

@@ -34,7 +34,7 @@ def diagnose(
     payload: Annotated[
         list[str] | None,
         Parameter(
-            help="RUN=KG: that run carries this mass and the others do not; tells the drives' gains",
+            help="RUN=KG: that run carries this mass and the others do not; determines the drives' gains",
             consume_multiple=True,
             negative=(),
             validator=at_least_one("--payload"),
@@ -74,7 +74,7 @@ def diagnose(
     from diagnosis.job import WRITTEN, diagnose_logs
 
     with results_folder(out, WRITTEN):
-        told = diagnose_logs(
+        answer = diagnose_logs(
             model,
             logs,
             out,
@@ -90,7 +90,7 @@ def diagnose(
     # It is imported by then, behind the closed loop.
     from diagnosis.report.summary import print_summary
 
-    print_summary(*told)
+    print_summary(*answer)
 
 
 def predict(

@@ -43,8 +43,8 @@ class Case:
         contents = {
             name: hashlib.sha256(Path(path).read_bytes()).hexdigest() for name, path in self.files.items()
         }
-        told = [self.question, self.choice, self.level, self.seed, self.settings, contents]
-        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:20]
+        hashed = [self.question, self.choice, self.level, self.seed, self.settings, contents]
+        return hashlib.sha256(json.dumps(hashed, sort_keys=True).encode()).hexdigest()[:20]
 
 
 def run_case(case: Case) -> Row:

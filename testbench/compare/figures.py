@@ -34,7 +34,7 @@ def against_level(
             )
             if len(found):
                 low, middle, high = np.quantile(found, [0.25, 0.5, 0.75])
-                # Side by side, so that the bars of neighbours can be told apart.
+                # Side by side, so that the bars of neighbours can be distinguished.
                 places.append(place + 0.03 * (index - (len(choices) - 1) / 2))
                 middles.append(middle)
                 lows.append(middle - low)

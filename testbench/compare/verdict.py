@@ -71,13 +71,13 @@ def _against_ordinary(rows: Sequence[Row]) -> list[str]:
             if name in ("instrumental_variable", "maximum_likelihood", "tls") and error["ols"] > NEAR * value
         }
         if better:
-            told = ", ".join(f"{name} {ratio:.2g} times" for name, ratio in better.items())
+            factors = ", ".join(f"{name} {ratio:.2g} times" for name, ratio in better.items())
             weighted = (
                 f" (by weighting alone, wls, {error['ols'] / error['wls']:.2g} times)"
                 if "wls" in error
                 else ""
             )
-            lines.append(f"At {level} ordinary least squares is beaten by {told}{weighted}.")
+            lines.append(f"At {level} ordinary least squares is beaten by {factors}{weighted}.")
     bound = medians([row for row in rows if row["level"] == rows[0]["level"]], "over_bound")
     reach = [f"{name} {value:.2f}" for name, value in bound.items() if value <= 1.5]
     if reach:
@@ -91,8 +91,8 @@ def _recorded(rows: Sequence[Row]) -> list[str]:
     error = medians([row for row in rows if row["level"] == estimators.RECORDED], "validation_residual")
     if not error:
         return []
-    told = ", ".join(f"{name} {100 * value:.1f} %" for name, value in error.items())
-    return [f"On the recorded robot, residual over RMS torque on the half not fitted: {told}."]
+    residuals = ", ".join(f"{name} {100 * value:.1f} %" for name, value in error.items())
+    return [f"On the recorded robot, residual over RMS torque on the half not fitted: {residuals}."]
 
 
 def _lowest(rows: Sequence[Row], metric: str, text: str, least: bool = False) -> str:
@@ -120,8 +120,8 @@ def _criteria(rows: Sequence[Row]) -> list[str]:
         )
     seconds = {name: float(np.mean(numbers(_of(rows, name), "seconds"))) for name in _designs(rows)}
     bound = medians([row for row in rows if row["choice"] in seconds], "relative_bound")
-    told = ", ".join(f"{name} {seconds[name]:.2g} s to {100 * value:.2g} %" for name, value in bound.items())
-    lines.append(f"One start takes, to this median Cramér-Rao deviation of the parameters: {told}.")
+    costs = ", ".join(f"{name} {seconds[name]:.2g} s to {100 * value:.2g} %" for name, value in bound.items())
+    lines.append(f"One start takes, to this median Cramér-Rao deviation of the parameters: {costs}.")
     return lines + _fewest_starts(rows, seconds)
 
 
@@ -148,11 +148,11 @@ def _fewest_starts(rows: Sequence[Row], seconds: dict[str, float]) -> list[str]:
     if not spent:
         return ["No design comes near the best of -log det from fewer starts."]
     starts = len(reference)
-    told = ", ".join(f"{name} needs {count} ({time:.3g} s)" for name, (count, time) in spent.items())
+    needs = ", ".join(f"{name} needs {count} ({time:.3g} s)" for name, (count, time) in spent.items())
     missing = [name for name in ("hadamard", "condition") if name in seconds and name not in spent]
     text = (
         f"The best of {starts} starts by -log det has a median deviation of {100 * goal:.3g} %."
-        f" To come within {100 * WITHIN:.0f} % of it, {told}"
+        f" To come within {100 * WITHIN:.0f} % of it, {needs}"
     )
     if missing:
         text += f"; {' and '.join(missing)} never {'do' if len(missing) > 1 else 'does'}"

@@ -35,7 +35,7 @@ class _Child:
     """A process that works on files, one at a time, until it is ended."""
 
     def __init__(self) -> None:
-        # The system tells a child of the death of the thread that made it, which must be the last one.
+        # The system signals a child at the end of the thread that made it, which must be the last one.
         lasting = threading.current_thread() is threading.main_thread()
         self.process = subprocess.Popen(
             [sys.executable, "-c", START, json.dumps(sys.path), str(os.getpid() if lasting else 0)],
@@ -113,7 +113,7 @@ class _Child:
 
 
 def _works(process: int) -> bool:
-    """Whether a process would go on if it were given a core; no, where the system does not tell."""
+    """Whether a process would go on if it were given a core; no, where the system does not say."""
     try:
         status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:

@@ -107,7 +107,7 @@ def _locked(out: Path) -> Iterator[None]:
         return
     handle = os.open(out, os.O_RDONLY)
     try:
-        # A file system without locks tells nothing of others.
+        # A file system without locks does not show other processes.
         with contextlib.suppress(OSError):
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

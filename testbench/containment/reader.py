@@ -54,7 +54,7 @@ def serve(parent: int) -> None:
 
     parent: id of the process to end with, or 0.
     """
-    # An interrupt is the parent's to tell of.
+    # The parent reports an interrupt.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if parent:
         end_with_parent(parent)

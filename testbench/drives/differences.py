@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 # Deviations between a figure and what was stated, and log-likelihood that runs lose without it.
 DEVIATIONS, EVIDENCE = 3.0, 3.0
-# Correlation of two figures beyond which runs do not tell them apart.
+# Correlation of two figures beyond which runs do not distinguish them.
 COLLINEAR = 0.95
 # What a figure that differs is called.
 NAMES = {
@@ -43,7 +43,7 @@ class Difference:
 
     name: a key of NAMES. stated, value, std: in its unit. evidence: log-likelihood that the judging runs lose
     where the figure is as stated and all others move as the fit has them depend on it. alike: figures of the
-    same joint that the runs do not tell from it.
+    same joint that the runs do not distinguish from it.
     """
 
     joint: str

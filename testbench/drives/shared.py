@@ -117,8 +117,8 @@ def _tie(fits: Sequence[Fit], places: Sequence[int], priors: Sequence[tuple[Arra
     for index, (mean, deviation) in enumerate(priors):
         others = np.arange(len(fits)) != index
         total = float(weights[others].sum() + known[index])
-        told = float(np.sum((weights * estimates)[others]) + known[index] * means[index]) / total
+        combined = float(np.sum((weights * estimates)[others]) + known[index] * means[index]) / total
         unknown = fits[index].unknowns
-        told = float(np.clip(told, unknown.lower[places[index]], unknown.upper[places[index]]))
-        mean[places[index]], deviation[places[index]] = told, np.sqrt(1 / total + spread**2)
+        combined = float(np.clip(combined, unknown.lower[places[index]], unknown.upper[places[index]]))
+        mean[places[index]], deviation[places[index]] = combined, np.sqrt(1 / total + spread**2)
     return True

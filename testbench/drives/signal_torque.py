@@ -16,7 +16,7 @@ from ..robot import Robot
 Array = NDArray[np.float64]
 
 # Share of a joint's mean square torque of which the sign is clear, at least.
-TOLD = 0.8
+CLEAR = 0.8
 
 
 def torque_of_signal(recording: Recording, path: Path, robot: Robot) -> tuple[Array, str] | None:
@@ -24,7 +24,7 @@ def torque_of_signal(recording: Recording, path: Path, robot: Robot) -> tuple[Ar
 
     None where the log states no constant of every joint. A signal without its sign, or nowhere below zero,
     has that of the model's torque. Both sides of a fit are low-passed alike, so the speed may be the plain
-    difference of positions. Raises InputError for a signal whose sign the model does not tell.
+    difference of positions. Raises InputError for a signal whose sign the model does not determine.
     """
     drive = recording.drive
     if drive is None or drive.kind not in SIGNALS:
@@ -61,8 +61,8 @@ def _with_sign(
     assert recording.drive is not None
     kind, least = recording.drive.kind, int(np.argmin(found.clear))
     of = f"{found.clear[least]:.0%} of the mean square torque of {robot.joint_names[least]}"
-    if found.clear[least] < TOLD:
-        expected = f"a {kind} with its sign, or one whose sign the model's torque tells"
+    if found.clear[least] < CLEAR:
+        expected = f"a {kind} with its sign, or one whose sign the model's torque determines"
         raise InputError(path, f"joint/{kind}", expected, f"none below zero, and a clear sign for {of}")
     return found.expected * size, (
         f"; the {kind} has no sign: it is that of the model's torque, fitted to its size (clear for {of}, "

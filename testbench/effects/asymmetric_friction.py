@@ -37,7 +37,7 @@ DESCRIPTION = EffectDescription(
         EffectParameter("viscous_difference", "N·m·s/rad", -np.inf, np.inf, (0.02, 0.25), "viscous"),
     ),
     confused_with=("cable_spring", "gravity_spring", "base_tilt"),
-    told_by=(Experiment.CONSTANT_SPEEDS,),
+    shown_by=(Experiment.CONSTANT_SPEEDS,),
     # A tenth of friction differs by direction on any joint.
     healthy=5.0,
     sizes=("offset", "viscous_difference"),

@@ -40,7 +40,7 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("gap", "rad", 0.0, 0.1, (0.0001, 0.004)),),
     laws=("dead_zone", "soft_contact"),
     confused_with=("presliding_hysteresis", "stribeck_friction", "joint_elasticity"),
-    told_by=(Experiment.HIGH_FREQUENCIES, Experiment.SMALL_REVERSALS),
+    shown_by=(Experiment.HIGH_FREQUENCIES, Experiment.SMALL_REVERSALS),
     of_transmission=True,
     relinearised=True,
     laws_apart=True,
@@ -87,7 +87,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
     def parameters(member: Member, c: Array, covariance: Array) -> dict[str, Quantity]:
         std = float(np.sqrt(max(covariance[1, 1], 0.0))) if len(covariance) > 1 else 0.0
-        # When the link lands tells one gap, how hard it lands another where teeth are not as modelled.
+        # Time and force of the link's landing give different gaps where teeth are not as modelled.
         return {"gap": Quantity(float(member.shape["gap"] * np.sqrt(max(c[0], 0.0))), std, "rad")}
 
     grid = {"gap": GAPS, "contact": (CONTACT,)}

@@ -41,8 +41,8 @@ class EffectDescription:
 
     name: of the contract. title: for people. law: the formula. reference: where it comes from.
     scope: where it acts. parameters: in the order of the contract. laws: the variants simulation
-    offers, the default first. confused_with: names of effects that look alike. told_by: the records that
-    tell it from them.
+    offers, the default first. confused_with: names of effects that look alike. shown_by: the records that
+    distinguish it from them.
 
     Where it acts: loads: behind the gearboxes, which carry its torque. hinges_only: its law is of an angle.
     or_of_one_joint: an effect of the whole robot that one joint may have alone. of_position: it is a law of
@@ -78,7 +78,7 @@ class EffectDescription:
     parameters: tuple[EffectParameter, ...]
     laws: tuple[str, ...] = ("default",)
     confused_with: tuple[str, ...] = ()
-    told_by: tuple[Experiment, ...] = ()
+    shown_by: tuple[Experiment, ...] = ()
     loads: bool = False
     hinges_only: bool = False
     or_of_one_joint: bool = False

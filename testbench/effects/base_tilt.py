@@ -27,7 +27,7 @@ DESCRIPTION = EffectDescription(
         EffectParameter("pitch", "rad", -0.5, 0.5, (0.002, 0.05)),
     ),
     confused_with=("encoder_offset", "cable_spring", "gravity_spring"),
-    told_by=(Experiment.WHOLE_RANGE,),
+    shown_by=(Experiment.WHOLE_RANGE,),
     relinearised=True,
     loads=True,
     sizes=("roll", "pitch"),

@@ -47,7 +47,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=(LINEAR, HYSTERETIC, HARDENING),
     confused_with=("gravity_spring", "asymmetric_friction", "base_tilt"),
-    told_by=(Experiment.WHOLE_RANGE,),
+    shown_by=(Experiment.WHOLE_RANGE,),
     of_position=True,
     # A hose is no straight line.
     explains_all=0.95,

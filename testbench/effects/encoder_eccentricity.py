@@ -45,7 +45,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("once_per_turn", TWO_HARMONICS),
     confused_with=("encoder_offset", "joint_elasticity", "transmission_ripple"),
-    told_by=(Experiment.TWO_SLOW_SPEEDS,),
+    shown_by=(Experiment.TWO_SLOW_SPEEDS,),
     of_encoder=True,
     relinearised=True,
     loads=True,

@@ -1,13 +1,13 @@
-"""Records that tell effects apart which look alike: how to make them, and which is the most telling."""
+"""Records that distinguish effects which look alike: how to make them, and which is the most informative."""
 
 from enum import Enum
 
 
 class Experiment(Enum):
-    """A record that tells effects apart, the most telling first: (how to make it, ``fewest``).
+    """A record that distinguishes effects, the most informative first: (how to make it, ``fewest``).
 
-    No motion replaces a known load, or time to warm up. fewest: effects that it tells, among those to tell
-    apart, from which on it is advised.
+    No motion replaces a known load, or time to warm up. fewest: how many of the
+    effects in question it has to identify to be advised.
     """
 
     KNOWN_LOAD = ("record the same motion with a known payload on and off: no motion alone shows a gain", 1)
@@ -36,5 +36,5 @@ class Experiment(Enum):
 
     @property
     def fewest(self) -> int:
-        """Effects that it tells, among those to tell apart, from which on it is advised."""
+        """How many of the effects in question it has to identify to be advised."""
         return self.value[1]

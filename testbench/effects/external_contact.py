@@ -62,7 +62,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("link_force", "world_force", "joint_torque"),
     confused_with=("torque_saturation", "cable_spring"),
-    told_by=(Experiment.ONCE_MORE,),
+    shown_by=(Experiment.ONCE_MORE,),
     at_times=True,
     is_event=True,
     # A push is one, however weak.

@@ -45,7 +45,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("sine", "gas_spring"),
     confused_with=("cable_spring", "payload", "encoder_offset", "base_tilt"),
-    told_by=(Experiment.WHOLE_RANGE,),
+    shown_by=(Experiment.WHOLE_RANGE,),
     of_position=True,
     loads=True,
     hinges_only=True,

@@ -51,7 +51,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("two_mass", "hardening", "quasi_static"),
     confused_with=("torque_delay", "actuator_lag", "backlash"),
-    told_by=(Experiment.HIGH_FREQUENCIES,),
+    shown_by=(Experiment.HIGH_FREQUENCIES,),
     of_transmission=True,
     relinearised=True,
     laws_apart=True,
@@ -191,8 +191,8 @@ def _stiffness(shape: float, coefficient: float, covariance: Array) -> Quantity:
     """Stiffness with its first-order standard deviation.
 
     shape: of the column, N·m/rad. covariance: of its coefficient and then of the shapes. A spring's own
-    coefficient is 1. As far as a resonance tells the stiffness it is that of the column, as far as slow
-    motion does it is that over the coefficient: how the two are known together says which.
+    coefficient is 1. As far as a resonance determines the stiffness it is that of the column, as far as slow
+    motion does it is that over the coefficient: their joint covariance decides between the two.
     """
     share = max(coefficient, LEAST_SHARE)
     varies, together = max(float(covariance[0, 0]), 0.0), 1.0

@@ -38,7 +38,7 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("coefficient", "-", 0.0, 1.0, (0.03, 0.15)),),
     laws=("symmetric", "driving"),
     confused_with=("gravity_spring", "stribeck_friction", "torque_gain_error"),
-    told_by=(Experiment.TWO_LOADS,),
+    shown_by=(Experiment.TWO_LOADS,),
     of_friction=True,
 )
 _, DRIVING = DESCRIPTION.laws

@@ -54,7 +54,7 @@ class Logged:
     low-pass behind q, dq and ddq. q, dq, ddq: (N, n) filtered at the full rate. tau: (N, n) measured
     torque at the full rate. temperature: (N, n) degC. torque_command: (N, n) N·m. reference_position,
     reference_velocity, reference_acceleration: (N, n). body_rotation (3, 3), body_origin (3,) m: the last
-    body's frame in the last link's (``body_in_link``), which the contract tells a payload in. carried:
+    body's frame in the last link's (``body_in_link``), in which the contract states a payload. carried:
     (N, n) N·m, torque of effects behind the gearboxes that are known already. beside: likewise of all others.
     coulomb_smoothing, coulomb_lead: (n,) rad/s (m/s) and s, w and l of Coulomb friction fc tanh(u / w) with
     u = dq + l ddq; fc sgn u for w = 0, as everywhere where it is left out. zeros: (n,) rad, by which joints
@@ -92,7 +92,7 @@ class Logged:
         return replace(self, **kept)
 
     def thinned(self, every: int) -> "Logged":
-        """One in so many samples, of a motion that the others tell nothing more of."""
+        """One in so many samples, where the others add no information on the motion."""
         if every == 1:
             return self
         series = {name: getattr(self, name) for name in PER_SAMPLE}

@@ -44,7 +44,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("power", "saturating"),
     confused_with=("stribeck_friction", "thermal_friction_drift"),
-    told_by=(Experiment.CONSTANT_SPEEDS,),
+    shown_by=(Experiment.CONSTANT_SPEEDS,),
 )
 
 EXPONENTS, LEAST, LARGEST = (0.33, 0.5, 0.67, 1.5, 2.0), 0.25, 3.2

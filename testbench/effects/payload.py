@@ -37,7 +37,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("sphere", "point"),
     confused_with=("torque_gain_error", "encoder_offset"),
-    told_by=(Experiment.KNOWN_LOAD,),
+    shown_by=(Experiment.KNOWN_LOAD,),
     of_last_link=True,
     relinearised=True,
     # Of one that turns about a vertical axis alone the mass may stay open.
@@ -100,7 +100,7 @@ def action(injection: Injection, simulated: SimulatedRobot) -> Action:
 def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Family:
     """The ten inertial columns of the last link: the base parameters swallow them.
 
-    What tells is the shift of the parameters from the nominal ones along these ten; c is in the order
+    It shows as the shift of the parameters from the nominal ones along these ten; c is in the order
     of the standard parameters, in the last link's frame. What no joint feels, as a height above parallel
     axes, is held at zero.
     """

@@ -49,7 +49,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("dahl", "lugre", "elasto_plastic", "dahl_exponent"),
     confused_with=("stribeck_friction", "backlash"),
-    told_by=(Experiment.SMALL_REVERSALS,),
+    shown_by=(Experiment.SMALL_REVERSALS,),
     yields=True,
     laws_apart=True,
     # Any joint may yield by a fifth of a milliradian, and bristles that do not slip at first seem too stiff.

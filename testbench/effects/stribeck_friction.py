@@ -42,7 +42,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("exponential", "rational"),
     confused_with=("presliding_hysteresis", "nonlinear_viscous_friction", "backlash"),
-    told_by=(Experiment.SMALL_REVERSALS, Experiment.CONSTANT_SPEEDS),
+    shown_by=(Experiment.SMALL_REVERSALS, Experiment.CONSTANT_SPEEDS),
     falls=True,
     of_friction=True,
     healthy=1.0,

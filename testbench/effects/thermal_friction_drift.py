@@ -39,7 +39,7 @@ DESCRIPTION = EffectDescription(
     title="Thermal friction drift",
     law="viscous friction·(1 - drop·w), dw/dt = (P / power - w) / time_constant with the friction power P, "
     "w = 0 at the start. two_node: half of w belongs to a housing 5 times slower, and viscosity falls as "
-    "(1 - drop)^w. A diagnosis tells the drop at the mean power of its runs",
+    "(1 - drop)^w. A diagnosis reports the drop at the mean power of its runs",
     reference='Simoni, Beschi, Legnani & Visioli, "Friction modeling with temperature effects for industrial '
     'robot manipulators", IROS 2015; Bittencourt & Axelsson, IEEE/ASME T-MECH 19(5), 2014',
     scope=Scope.JOINT,
@@ -50,7 +50,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=("one_node", "two_node"),
     confused_with=("nonlinear_viscous_friction",),
-    told_by=(Experiment.WARM_UP,),
+    shown_by=(Experiment.WARM_UP,),
     relinearised=True,
     of_friction=True,
     # Any joint loses a tenth of its viscous friction as it warms.
@@ -64,7 +64,7 @@ HOUSING_SHARE, HOUSING_SLOWNESS = 0.5, 5.0
 LIKELY_DROP = 0.4
 # Of a friction that the runs' warmth has been averaged into.
 LARGEST_COEFFICIENT = 4.0
-# What a run ends with and the next one starts with tells a time constant closely; within one run hardly.
+# The friction at a run's end and the next one's start determine a time constant well; one run alone hardly.
 CLOSE, FAR, SHORTEST = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0), (5.0, 20.0, 80.0), 2.0
 # s: no gear warms within less.
 FASTEST = 3.5

@@ -36,7 +36,7 @@ DESCRIPTION = EffectDescription(
     scope=Scope.ROBOT,
     parameters=(EffectParameter("delay", "s", 0.0, 0.05, (0.0002, 0.01)),),
     confused_with=("actuator_lag", "joint_elasticity"),
-    told_by=(Experiment.HIGH_FREQUENCIES,),
+    shown_by=(Experiment.HIGH_FREQUENCIES,),
     late=True,
     relinearised=True,
     of_friction=True,
@@ -48,7 +48,7 @@ DESCRIPTION = EffectDescription(
     of_sample=1.0,
 )
 
-# Seconds. The difference over one of them tells delays up to this factor from it.
+# Seconds. The difference over one of them determines delays within this factor of it.
 GRID = (0.0005, 0.00125, 0.003, 0.0075, 0.02)
 NEAR = 1.6
 

@@ -25,7 +25,7 @@ DESCRIPTION = EffectDescription(
     scope=Scope.JOINT,
     parameters=(EffectParameter("relative", "-", -0.5, 0.5, (0.02, 0.15)),),
     confused_with=("payload", "torque_saturation"),
-    told_by=(Experiment.KNOWN_LOAD,),
+    shown_by=(Experiment.KNOWN_LOAD,),
     relinearised=True,
     of_friction=True,
     # Torque constants are known to two per cent or so, those of the joints beside it too: what is one joint's

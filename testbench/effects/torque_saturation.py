@@ -27,7 +27,7 @@ DESCRIPTION = EffectDescription(
     parameters=(EffectParameter("limit", "N·m", 1e-3, np.inf, (0.4, 0.8), "torque_limit"),),
     laws=("clip", "soft"),
     confused_with=("external_contact", "torque_gain_error"),
-    told_by=(Experiment.ONCE_MORE,),
+    shown_by=(Experiment.ONCE_MORE,),
     at_times=True,
     # A limit that clips is one, however far from the drive's rating.
     healthy=0.0,
@@ -37,7 +37,7 @@ DESCRIPTION = EffectDescription(
 SHARPNESS = 8
 # Shares of the largest torque asked for; above the last one too little is clipped to be seen.
 SHARES = (0.5, 0.6, 0.7, 0.8, 0.87, 0.93, 0.97)
-# The law has no free factor; c only tells how well it holds.
+# The law has no free factor; c only shows how well it holds.
 FACTOR = (0.99, 1.01)
 
 

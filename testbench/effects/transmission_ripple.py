@@ -52,7 +52,7 @@ DESCRIPTION = EffectDescription(
     ),
     laws=(HARMONIC, TWO_WAVES, LOAD_MODULATED),
     confused_with=("encoder_eccentricity", "gravity_spring"),
-    told_by=(Experiment.TWO_SLOW_SPEEDS,),
+    shown_by=(Experiment.TWO_SLOW_SPEEDS,),
     of_friction=True,
     # No motion is free of a ripple of a hundredth: an amplitude of .8 of this share is beyond it.
     least=0.03,
@@ -105,7 +105,7 @@ def signature(runs: Sequence[Logged], joint: int | None, into: int | None) -> Fa
 
 
 def ripples(runs: Sequence[Logged], joint: int, peaks: Array, resolution: float) -> Family:
-    """The same at given peaks, as of ``peaks_of``: two waves no nearer than the range tells apart."""
+    """The same at given peaks, as of ``peaks_of``: two waves no nearer than the range can resolve."""
 
     def member(shape: Mapping[str, float]) -> Member:
         shape = _apart(shape, 4 * resolution)

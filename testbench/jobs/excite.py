@@ -136,7 +136,7 @@ def design(
             robot.chain, robot.parameters, room.limits, criterion, options, room.clearance, report, jobs
         )
     except InputError as error:
-        # The limits are the model's; all else is told of the options.
+        # The limits are the model's; all other errors name the options.
         raise error.located(robot.path) if error.source == "limits" else error from None
 
 

@@ -84,8 +84,8 @@ def parity_of_model(model: Path, choice: Choice | None = None) -> Parity:
         unit, joint = units[each.joint], robot.joint_names[each.joint]
         print(f"  {name:9} from Pinocchio: {each.value:.2g} {unit} at {joint}")
     largest = int(np.argmax(found.torque))
-    told = f"{found.torque[largest]:.3g} {units[largest]} at {robot.joint_names[largest]}"
-    print(f"  largest torque {told}")
+    text = f"{found.torque[largest]:.3g} {units[largest]} at {robot.joint_names[largest]}"
+    print(f"  largest torque {text}")
     print(found.sentence)
     return found
 

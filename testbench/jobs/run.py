@@ -121,7 +121,7 @@ def _run_plan(
             fitted, validated = _simulate(
                 scenario, robot, nominal, excitation, validations, noise, source, jobs
             )
-        told = _tracking(scenario, robot, nominal, fitted | validated)
+        tracking_lines = _tracking(scenario, robot, nominal, fitted | validated)
         for name, recording in (fitted | validated).items():
             write_log(recording, folder / f"{name}.h5")
         with progress.step(f"{scenario.name}: identify"):
@@ -134,7 +134,7 @@ def _run_plan(
     print(f"{scenario.name}: {folder}")
     print_notes(robot)
     print_peaks(robot, excitation, _room(scenario, robot))
-    for line in told:
+    for line in tracking_lines:
         print(line)
     print_summary(result)
     return result
@@ -205,9 +205,9 @@ def _simulate(
         seed=stream.spawn(len(references)),
         threads=jobs,
     )
-    told = {"scenario": scenario.name, "scenario_file": source, "scenario_seed": scenario.seed}
+    origin = {"scenario": scenario.name, "scenario_file": source, "scenario_seed": scenario.seed}
     recordings = tuple(
-        dataclasses.replace(recording, provenance=recording.provenance | told) for recording in recordings
+        dataclasses.replace(recording, provenance=recording.provenance | origin) for recording in recordings
     )
     names = [f"validation_{index}" for index in range(1, len(validations) + 1)]
     return {"fit": recordings[0]}, dict(zip(names, recordings[1:], strict=True))

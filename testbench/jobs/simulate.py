@@ -136,8 +136,8 @@ def simulate_along(
         (recording,) = simulate(robot, [reference], options, seed=seed, threads=jobs)
     followed = tracking(recording, robot.limits.torque)
     followed.require_followed(source)
-    told = {"trajectory": source.name}
-    recording = dataclasses.replace(recording, provenance=recording.provenance | told)
+    origin = {"trajectory": source.name}
+    recording = dataclasses.replace(recording, provenance=recording.provenance | origin)
     slower = controller_gains(options, robot).reduced(options.controller.bandwidth, robot.joint_names)
     return recording, (*notes, *slower, *followed.warnings())
 

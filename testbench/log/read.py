@@ -167,7 +167,7 @@ class _Reader(CheckedFile):
         return Controller(kind, rate, coulomb_smoothing=smoothing, delay=delay, **gains)
 
     def _provenance(self) -> dict[str, Any]:
-        """What the log tells of its making, where that is a JSON object; the format asks for none."""
+        """The log's record of its origin, where that is a JSON object; the format asks for none."""
         if "provenance" not in self.file.attrs:
             return {}
         try:

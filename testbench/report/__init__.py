@@ -1,4 +1,4 @@
-"""The readable page of one identification: what was found, how good it is, and how one can tell."""
+"""The readable page of one identification: what was found, how good it is, and the evidence."""
 
 from .page import write_report
 

@@ -23,7 +23,7 @@ from .reference import Reference
 Array = NDArray[np.float64]
 
 KINDS = ("pd_with_model_feedforward", "pd")
-# The servo of the model's position actuators, and the kind by which its logs tell of it.
+# The servo of the model's position actuators, and its kind in logs.
 MODEL, POSITION_SERVO = "model", "position_servo"
 # Hz: of the velocity's low-pass, and of the loop up to which it holds.
 VELOCITY_CUTOFF, USUAL_RATE = 80.0, 1000.0
@@ -69,7 +69,7 @@ class ControllerOptions:
 
     @property
     def logged_kind(self) -> str:
-        """The kind by which a robot-log tells of it."""
+        """The controller's kind in a robot-log."""
         return POSITION_SERVO if self.kind == MODEL else self.kind
 
 

@@ -1,4 +1,4 @@
-"""The sampled motion that a controller is told to follow."""
+"""The sampled motion that a controller is commanded to follow."""
 
 from dataclasses import dataclass
 

@@ -24,7 +24,7 @@ from .plant import add_to_diagonal, plant_model, resting_pose
 from .reference import Reference
 from .sensors import centred_torque, encoder_quantum, measured_torque, per_joint, white_noise
 from .steady import controller_gains, resolved
-from .unmodelled import Acting, put_in, told
+from .unmodelled import Acting, described, put_in
 
 Array = NDArray[np.float64]
 
@@ -139,7 +139,7 @@ class _Run:
         constants[layout.SPLIT], constants[layout.IMPLICIT] = unmodelled.split, damped.implicit
         constants[layout.CONTACT_STIFFNESS] = unmodelled.stiffness
         constants[layout.CONTACT_DAMPING] = unmodelled.damping
-        # A position servo is not told how fast to go.
+        # A position servo has no velocity command.
         speed = np.zeros_like(forward) if controller.kind == MODEL else reference.velocity
         self.loop = Loop(
             plant=plant,
@@ -207,7 +207,7 @@ class _Run:
                 controller.coulomb_smoothing if has_feedforward else None,
             ),
             truth=self._truth(output),
-            truth_effects=[told(injection, robot) for injection in options.effects],
+            truth_effects=[described(injection, robot) for injection in options.effects],
             provenance={
                 "model": robot.path.name,
                 # What the robot hides belongs to the truth.

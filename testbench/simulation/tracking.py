@@ -86,18 +86,18 @@ def tracking(recording: Recording, torque_limit: Array) -> Tracking:
     command = recording.torque_command
     if reference is None or speed is None or command is None:
         raise InputError("log", "reference", "a simulated run with its reference and command", "none")
-    reached, told = (np.abs(v).max(axis=0) for v in (recording.truth["velocity"], speed))
+    reached, commanded = (np.abs(v).max(axis=0) for v in (recording.truth["velocity"], speed))
     side = np.sign(command) * (np.abs(command) >= torque_limit * (1 - 1e-9))
     opposite = (side[1:] * side[:-1] < 0).sum(axis=0)
     span = np.ptp(reference, axis=0)
     # A motion of next to no range is not raced by what hardly moves either.
-    told *= np.divide(np.maximum(span, STILL), span, out=np.ones(len(span)), where=span > 0)
+    commanded *= np.divide(np.maximum(span, STILL), span, out=np.ones(len(span)), where=span > 0)
     return Tracking(
         joint_names=recording.joint_names,
         units=tuple("m" if slide else "rad" for slide in recording.is_slide),
         error=np.abs(recording.position - reference).max(axis=0),
         range=span,
-        speed=np.divide(reached, told, out=np.full(len(told), np.inf), where=told > 0),
+        speed=np.divide(reached, commanded, out=np.full(len(commanded), np.inf), where=commanded > 0),
         saturated=(side != 0).mean(axis=0),
         switching=opposite / np.maximum((side != 0).sum(axis=0), 1),
     )

@@ -100,8 +100,8 @@ def put_in(
     )
 
 
-def told(injection: Injection, robot: Robot) -> dict[str, Any]:
-    """An injection as the truth of a log tells it, JSON-able."""
+def described(injection: Injection, robot: Robot) -> dict[str, Any]:
+    """An injection as the truth of a log states it, JSON-able."""
     joints = {
         key: None if joint is None else robot.joint_names[joint]
         for key, joint in (("joint", injection.joint), ("into", injection.into))

@@ -135,7 +135,7 @@ def test_a_push_reaches_every_joint_through_the_jacobian(arm, recordings, law):
 # Signatures
 
 
-def test_a_payload_is_explained_and_told_in_the_bodys_frame(models):
+def test_a_payload_is_explained_and_reported_in_the_bodys_frame(models):
     """On the arm whose last body is turned against its link frame; MuJoCo compiles the loaded model."""
     rail = load_robot(models / "rail_arm.xml")
     spec = mujoco.MjSpec.from_file(str(rail.path))

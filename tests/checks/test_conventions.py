@@ -46,20 +46,20 @@ def test_a_healthy_log_has_the_models_convention(robot, healthy):
 
 
 @pytest.mark.parametrize("joints", [(0, 1, 2), (1,)])
-def test_torque_counted_backwards_is_told_with_its_joints(robot, healthy, joints):
+def test_torque_counted_backwards_is_reported_with_its_joints(robot, healthy, joints):
     sign = np.where(np.isin(np.arange(3), joints), -1.0, 1.0)
     found = _found(robot, replace(healthy, torque=healthy.torque * sign))
     names = tuple(robot.joint_names[joint] for joint in joints)
     assert found == {"torque_sign": (Severity.STOP, names, f"the opposite at {', '.join(names)}")}
 
 
-def test_a_position_that_counts_backwards_is_told(robot, healthy):
+def test_a_position_that_counts_backwards_is_reported(robot, healthy):
     found = _found(robot, replace(healthy, position=healthy.position * [1, -1, 1]))
     assert found["position_sign"][1] == (robot.joint_names[1],)
 
 
 @pytest.mark.parametrize("channel", ["torque", "position"])
-def test_columns_that_are_swapped_are_told_with_their_joints(robot, healthy, channel):
+def test_columns_that_are_swapped_are_reported_with_their_joints(robot, healthy, channel):
     swapped = replace(healthy, **{channel: getattr(healthy, channel)[:, [1, 0, 2]]})
     severity, joints, _ = _found(robot, swapped)[f"{channel}_order"]
     assert (severity, joints) == (Severity.STOP, robot.joint_names[:2])
@@ -84,7 +84,7 @@ def test_a_zero_and_a_sign_that_hide_each_other_are_found_together(tmp_path):
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1000.0, "N·mm"), (0.01, "another unit")])
-def test_torque_in_another_unit_is_told_as_one_of_all_joints(arm, healthy_runs, factor, unit):
+def test_torque_in_another_unit_is_reported_as_one_of_all_joints(arm, healthy_runs, factor, unit):
     found = _found(arm, *(replace(run, torque=factor * run.torque) for run in healthy_runs.values()))
     severity, joints, sentence = found["torque_scale"]
     assert (severity, joints) == (Severity.STOP, arm.joint_names)

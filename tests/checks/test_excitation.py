@@ -1,4 +1,4 @@
-"""What a motion cannot tell, said of the joint that it is of."""
+"""What a motion does not determine is reported with its joint."""
 
 from dataclasses import replace
 

@@ -36,7 +36,7 @@ def test_a_healthy_log_passes(robot, healthy):
     _check_motion(robot, healthy)
 
 
-def test_a_position_that_wraps_is_told_with_its_joint_and_time(robot, healthy):
+def test_a_position_that_wraps_is_reported_with_its_joint_and_time(robot, healthy):
     wrapped = healthy.position.copy()
     wrapped[1000:, 0] -= 2 * np.pi
     with pytest.raises(
@@ -53,7 +53,7 @@ def test_a_slide_that_steps_by_six_metres_is_no_wrap(robot, healthy):
         require_plausible_motion(replace(healthy, position=moved), robot.chain, limits, "log.h5")
 
 
-def test_two_runs_in_one_log_are_told_and_a_late_packet_is_let_pass(robot, healthy):
+def test_two_runs_in_one_log_are_reported_and_a_late_packet_is_let_pass(robot, healthy):
     glued = healthy.position.copy()
     glued[1000:] = healthy.position[np.minimum(np.arange(1300, len(glued) + 300), len(glued) - 1)]
     with pytest.raises(
@@ -73,7 +73,7 @@ def test_a_joint_at_rest_that_settles_by_some_counts_is_let_pass(robot, healthy)
     _check_motion(robot, replace(healthy, position=resting))
 
 
-def test_positions_that_are_the_reference_are_told(robot, healthy):
+def test_positions_that_are_the_reference_are_reported(robot, healthy):
     followed = replace(healthy, reference_position=healthy.position.copy())
     with pytest.raises(InputError, match="expected measured positions, got those of reference/position"):
         _check_motion(robot, followed)
@@ -93,7 +93,7 @@ def test_one_spoiled_sample_is_no_wrap_and_not_out_of_range(robot, healthy):
         _check_motion(robot, replace(healthy, position=spoiled))
 
 
-def test_degrees_are_told_with_the_range_and_the_value(robot, healthy):
+def test_degrees_are_reported_with_the_range_and_the_value(robot, healthy):
     with pytest.raises(InputError) as refused:
         _check_motion(robot, replace(healthy, position=np.rad2deg(healthy.position)))
     line = str(refused.value)

@@ -1,4 +1,4 @@
-"""Torques that are no measured torques, each told by its kind."""
+"""Torques that are no measured torques, each reported by its kind."""
 
 from dataclasses import replace
 
@@ -33,13 +33,13 @@ def test_a_healthy_torque_has_nothing_to_say(robot, healthy):
     assert _found(robot, healthy) == {}
 
 
-def test_torque_without_its_sign_is_told_with_its_joints(robot, healthy):
+def test_torque_without_its_sign_is_reported_with_its_joints(robot, healthy):
     severity, joints = _found(robot, replace(healthy, torque=np.abs(healthy.torque)))["unsigned"]
     assert severity is Severity.STOP
     assert "turn" in joints
 
 
-def test_velocity_in_the_column_of_torque_is_told(robot, healthy):
+def test_velocity_in_the_column_of_torque_is_reported(robot, healthy):
     speed = np.gradient(healthy.position, healthy.time, axis=0)
     found = _found(robot, replace(healthy, torque=speed))
     assert found["velocity_as_torque"] == (Severity.STOP, robot.joint_names)
@@ -59,7 +59,7 @@ def test_the_torque_of_a_joint_that_is_little_but_damped_is_no_velocity(robot, h
     assert "velocity_as_torque" not in {each.code for each in found}
 
 
-def test_torque_that_is_clipped_and_torque_in_coarse_steps_are_told_apart(robot, healthy):
+def test_torque_that_is_clipped_and_torque_in_coarse_steps_are_distinguished(robot, healthy):
     size = 0.5 * np.abs(healthy.torque).max(axis=0)
     assert "saturated" in _found(robot, replace(healthy, torque=np.clip(healthy.torque, -size, size)))
     step = 0.3 * np.sqrt(np.mean(healthy.torque**2, axis=0))
@@ -67,7 +67,7 @@ def test_torque_that_is_clipped_and_torque_in_coarse_steps_are_told_apart(robot,
     assert set(found) == {"quantised"}
 
 
-def test_torque_that_is_put_to_zero_at_rest_is_told_and_stops_nothing(robot, healthy):
+def test_torque_that_is_put_to_zero_at_rest_is_reported_and_stops_nothing(robot, healthy):
     rest = np.repeat(healthy.position[:1], 500, axis=0)
     time = np.arange(len(healthy.time) + 500) / healthy.sample_rate
     rested = replace(

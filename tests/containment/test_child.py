@@ -85,7 +85,7 @@ def test_a_reader_that_works_is_given_its_processor_time(monkeypatch: pytest.Mon
     assert contained(HERE + "doze", FILE, "log", "a log") == str(FILE)
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="the system does not tell who works")
+@pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="the system does not say who works")
 def test_a_process_works_unless_it_waits() -> None:
     assert child._works(os.getpid())
     with subprocess.Popen(["cat"], stdin=subprocess.PIPE) as waiting:

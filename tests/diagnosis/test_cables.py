@@ -34,5 +34,5 @@ def test_a_cable_that_hardly_hardens_is_told_as_one(arm):
     (cable,) = found.effects
     assert (cable.effect, cable.joint, cable.law) == ("cable_spring", 1, "hardening")
     for name, wanted in (("stiffness", 3.0), ("rest", 0.1), ("doubling", 2.5)):
-        told = cable.parameters[name]
-        assert abs(told.value - wanted) < 4 * told.std, name
+        quantity = cable.parameters[name]
+        assert abs(quantity.value - wanted) < 4 * quantity.std, name

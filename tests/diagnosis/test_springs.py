@@ -99,12 +99,12 @@ def test_a_cable_beside_a_spring_is_told_and_both_are_in_the_corrected_model(spr
     found = diagnose(sprung, simulated_runs(sprung, [cable], runs=3))
     (named,) = found.effects
     assert (named.effect, named.joint) == ("cable_spring", 1)
-    told = named.parameters["stiffness"]
-    assert abs(told.value - stiffness) < 4 * told.std
+    quantity = named.parameters["stiffness"]
+    assert abs(quantity.value - stiffness) < 4 * quantity.std
     write_corrected(found, tmp_path / "corrected.xml")
     corrected = load_robot(tmp_path / "corrected.xml").chain.springs[1]
-    total = ELBOW + told.value
-    rests = -0.3 * ELBOW + named.parameters["rest"].value * told.value
+    total = ELBOW + quantity.value
+    rests = -0.3 * ELBOW + named.parameters["rest"].value * quantity.value
     np.testing.assert_allclose(corrected, [total, 0, 0, rests / total], rtol=1e-6)
 
 

@@ -131,7 +131,7 @@ def test_gains_that_are_wrong_within_their_spread_are_scaled_by_known_masses(fol
     assert np.all(np.array(stds[0]) < 0.7 * np.array(stds[1]))
 
 
-def test_friction_that_grows_with_the_load_is_told_from_coulomb_friction(folder: Path) -> None:
+def test_friction_that_grows_with_the_load_is_distinguished_from_coulomb_friction(folder: Path) -> None:
     robot = load_robot(folder / "leg.xml")
     plant = table(robot.path)
     plant[:, LOAD_FRICTION] = 0.12

@@ -41,8 +41,8 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> Logged:
         size = np.abs(run.torque) / CONSTANT
         paths.append(folder / f"{name}.h5")
         # One says that it has no sign, of the other it is plain to see.
-        told = ("current",) if seed == 0 else ()
-        bare = replace(run, torque=np.full_like(size, np.nan), current=size, drive=drive, unsigned=told)
+        unsigned = ("current",) if seed == 0 else ()
+        bare = replace(run, torque=np.full_like(size, np.nan), current=size, drive=drive, unsigned=unsigned)
         write_log(replace(bare, truth={}, truth_effects=[]), paths[-1])
     with pytest.MonkeyPatch.context() as patch:
         lines: list[str] = []

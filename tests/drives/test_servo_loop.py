@@ -69,8 +69,8 @@ def test_a_delay_of_whole_samples_shifts_the_command(tmp_path: Path) -> None:
     follow = command(RATE, 3.0, 2)
     shifted = np.concatenate([np.repeat(follow[:1], 3, axis=0), follow[:-3]])
     runs = [
-        simulate(robot.chain, own[None], [Window(told, KP, KD, 0, 300, follow[0], np.zeros(2))], RATE)
-        for own, told in ((late, follow), (prompt, shifted))
+        simulate(robot.chain, own[None], [Window(commanded, KP, KD, 0, 300, follow[0], np.zeros(2))], RATE)
+        for own, commanded in ((late, follow), (prompt, shifted))
     ]
     np.testing.assert_allclose(runs[0][0][0].position, runs[1][0][0].position, atol=1e-9)
 

@@ -61,7 +61,7 @@ def test_blanks_and_a_header_in_the_last_comment(tmp_path: Path) -> None:
     assert_read(opened(path).recording, run(), ALL)
 
 
-def test_without_a_header_blocks_are_told_by_their_values(tmp_path: Path) -> None:
+def test_without_a_header_blocks_are_named_by_their_values(tmp_path: Path) -> None:
     made = run()
     path = write(tmp_path / "run.csv", None, np.column_stack([made.time, made.position, made.torque]))
     assert_read(opened(path).recording, made, ["torque"])
@@ -91,7 +91,7 @@ def test_degrees_milliseconds_and_millinewtonmetres_as_stated(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(("unit", "of_a_second"), [("ms", 1e3), ("µs", 1e6), ("ns", 1e9)])
-def test_units_that_nothing_states_are_told_by_the_values(
+def test_units_that_nothing_states_are_named_by_the_values(
     tmp_path: Path, unit: str, of_a_second: float
 ) -> None:
     made = run()

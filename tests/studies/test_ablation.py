@@ -146,8 +146,8 @@ def test_a_rule_is_neutralised_before_the_diagnosis_is_imported() -> None:
 
 def row(kind: str, right: int = 0, wrong: int = 0, every: bool = False, **more: Any) -> dict[str, Any]:
     named = [{"effect": f"e{k}", "joint": None, "into": None} for k in range(right + wrong)]
-    told = {"verdict": "effect" if named else "none", "all_named": every, "seconds": 1.0}
-    return {"kind": kind, "named": named, "wrong": wrong, "right": [True] * right, **told, **more}
+    answer = {"verdict": "effect" if named else "none", "all_named": every, "seconds": 1.0}
+    return {"kind": kind, "named": named, "wrong": wrong, "right": [True] * right, **answer, **more}
 
 
 def test_answers_are_right_with_every_fault_and_nothing_else() -> None:

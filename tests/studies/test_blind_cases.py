@@ -1,4 +1,4 @@
-"""Blind cases: drawn and made by seed, nothing tells the answer, seals hold."""
+"""Blind cases: drawn and made by seed, nothing gives the answer away, seals hold."""
 
 import csv
 import json
@@ -98,7 +98,7 @@ def test_the_same_case_is_made_bit_for_bit(scenario, sealed, tmp_path) -> None:
 def test_no_case_tells_its_answer(sealed) -> None:
     answers = opened(sealed)
     assert sorted(each["kind"] for each in answers) == ["none", "pair", "single", "single", "unknown"]
-    told = "|".join([*effects(), *OUTSIDE, "truth", "effect", "background", "seed"]).encode()
+    revealing = "|".join([*effects(), *OUTSIDE, "truth", "effect", "background", "seed"]).encode()
     shared = []
     for each in answers:
         place = places(sealed, each["case"])
@@ -109,7 +109,7 @@ def test_no_case_tells_its_answer(sealed) -> None:
         channels = each["settings"]["channels"]
         for log in place.logs:
             names, attributes = structure(log)
-            assert not re.search(told, log.read_bytes())
+            assert not re.search(revealing, log.read_bytes())
             expected = {"controller", "joint", "joint/position", "joint/torque", "time"}
             expected |= {f"joint/{name}" for name in channels if name != "reference"}
             if "reference" in channels:
@@ -242,7 +242,7 @@ def test_a_case_is_studied_from_its_logs_and_only_its_result_stays(scenario, tmp
         ("seed: 5", "sed: 5", "sed: expected a known field"),
     ],
 )
-def test_a_faulty_scenario_is_told_in_one_line(old: str, new: str, match: str, tmp_path: Path) -> None:
+def test_a_faulty_scenario_is_reported_in_one_line(old: str, new: str, match: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=match) as caught:
         load_blind_scenario(written(tmp_path, SCENARIO.replace(old, new)))
     assert "\n" not in str(caught.value)

@@ -109,7 +109,7 @@ def test_what_was_drawn_again_is_counted_by_effect() -> None:
 
 def test_an_answer_that_does_not_tell_what_was_rejected_is_refused() -> None:
     old = {key: value for key, value in answer().items() if key != "rejected"}
-    with pytest.raises(InputError, match="a.json: rejected: expected an answer that tells"):
+    with pytest.raises(InputError, match="a.json: rejected: expected an answer that lists"):
         judge(old, diagnosis(), "a.json")
 
 

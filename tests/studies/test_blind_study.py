@@ -45,5 +45,5 @@ def test_an_effect_outside_the_catalogue_is_reported_as_unknown(rows):
 
 def test_most_single_effects_are_named_first_at_their_joint(rows):
     singles = [row for row in rows if row["kind"] == "single"]
-    # Of the other two one moves less than 3 % of the torque, and two joints tell little of a payload.
+    # Of the other two one moves less than 3 % of the torque, and two joints determine little of a payload.
     assert sum(row["right"] == "True" for row in singles) >= 3

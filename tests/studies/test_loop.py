@@ -1,4 +1,4 @@
-"""A first motion that cannot tell, the motion that the diagnosis proposes, and what it resolves."""
+"""A first motion that leaves two effects open, the motion that the diagnosis proposes, what it resolves."""
 
 import json
 import re

@@ -12,7 +12,7 @@ from testbench.files import write_json
 STILL = '<robot name="still"><link name="base"/></robot>'
 
 
-def test_a_model_that_is_no_robot_is_told_by_its_one_line(tmp_path: Path) -> None:
+def test_a_model_that_is_no_robot_is_named_by_its_one_line(tmp_path: Path) -> None:
     (tmp_path / "still.urdf").write_text(STILL)
     outcome = judge(tmp_path / "still.urdf", "still.urdf", tmp_path / "work")
     assert (outcome.stopped, outcome.works, outcome.joints) == ("excite", False, 0)

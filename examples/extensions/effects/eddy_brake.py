@@ -35,7 +35,7 @@ DESCRIPTION = EffectDescription(
         EffectParameter("critical", "rad/s", 0.05, 50.0, (0.5, 2.0)),
     ),
     confused_with=("nonlinear_viscous_friction", "stribeck_friction"),
-    told_by=(Experiment.CONSTANT_SPEEDS,),
+    shown_by=(Experiment.CONSTANT_SPEEDS,),
 )
 CRITICAL = (0.3, 0.7, 1.5, 3.0)
 

@@ -1,4 +1,4 @@
-"""Samples that a late or a bad packet spoils are told from all that an arm does, and mended."""
+"""Samples that a late or a bad packet spoils are distinguished from all that an arm does, and mended."""
 
 from dataclasses import replace
 
@@ -154,7 +154,7 @@ def test_stamps_that_jitter_on_even_samples_are_those_of_a_grid(runs):
 
 @pytest.mark.parametrize("field", ["position", "torque"])
 def test_what_a_slower_bus_repeats_is_taken_between_what_it_brings(runs, field):
-    # Noise, of which a slow bus tells nothing between, is another matter.
+    # Noise, which a slow bus does not show between its samples, is another matter.
     run = replace(runs["run_1"], torque=10 * runs["run_1"].position)
     fresh = np.arange(len(run.time)) // 10 * 10
     slow = replace(run, **{field: getattr(run, field)[fresh]})

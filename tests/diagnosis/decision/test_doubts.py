@@ -1,4 +1,4 @@
-"""Effects of a size that these runs do not tell, or that left-out runs do not keep, are no causes."""
+"""Effects of a size that these runs do not determine, or that left-out runs do not keep, are no causes."""
 
 from dataclasses import replace
 from types import SimpleNamespace

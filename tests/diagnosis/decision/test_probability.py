@@ -84,18 +84,18 @@ def test_one_run_does_not_show_what_another_would():
 
 
 @pytest.mark.parametrize(
-    ("probability", "alike", "told"),
+    ("probability", "alike", "stated"),
     [
         (0.93, ("gravity_spring",), "cable spring at elbow, cable spring at elbow;"),
         (0.55, (), "cable spring at elbow, perhaps cable spring at elbow;"),
         (0.45, ("gravity_spring",), "cable spring at elbow, cable spring or gravity spring at elbow;"),
     ],
 )
-def test_the_sentence_says_what_is_as_likely_as_not(arm, spring, probability, alike, told):
+def test_the_sentence_says_what_is_as_likely_as_not(arm, spring, probability, alike, stated):
     size = {"stiffness": Quantity(2.0, 0.01, "N·m/rad"), "rest": Quantity(0.1, 0.5, "rad")}
     first = NamedEffect(EFFECT, ELBOW, None, 1.0, size, spring)
     second = NamedEffect(EFFECT, ELBOW, None, probability, size, spring, confusable_with=alike)
     floor = np.ones(2)
     gap = exact_gap(5 * floor, np.array([2.0, 4.0]), floor, floor)
     sentence = sentence_of(arm, "effect", [first, second], (), gap, np.full(arm.joints, 10.0))
-    assert sentence.startswith(f"The gap comes from {told}")
+    assert sentence.startswith(f"The gap comes from {stated}")

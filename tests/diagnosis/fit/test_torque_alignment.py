@@ -1,4 +1,4 @@
-"""Logs whose torque is late against their positions: told, taken back, and no effect of the robot."""
+"""Logs whose torque is late against their positions: reported, taken back, and no effect of the robot."""
 
 from dataclasses import replace
 

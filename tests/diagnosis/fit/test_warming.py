@@ -1,4 +1,4 @@
-"""A joint that warms through all runs of one clock: it cools between them, which tells its time constant."""
+"""A joint that warms through all runs of one clock: its cooling between them shows its time constant."""
 
 from dataclasses import replace
 
@@ -46,9 +46,9 @@ def _warmed(cold: dict[str, Recording], time_constant: float) -> dict[str, Recor
 def test_a_rest_between_runs_tells_the_time_constant(arm, cold, time_constant):
     found = diagnose(arm, _warmed(cold, time_constant))
     assert [(each.effect, each.joint) for each in found.effects] == [("thermal_friction_drift", ELBOW)]
-    told = found.effects[0].parameters["time_constant"]
-    assert abs(told.value - time_constant) < 3 * told.std
-    assert told.std < 0.3 * time_constant
+    quantity = found.effects[0].parameters["time_constant"]
+    assert abs(quantity.value - time_constant) < 3 * quantity.std
+    assert quantity.std < 0.3 * time_constant
 
 
 def test_the_way_it_warms_is_chosen_again_beside_all_that_acts(arm, cold):

@@ -66,7 +66,7 @@ def test_what_healthy_robots_have_differs_from_effect_to_effect(tmp_path, name, 
     arm = small_arm(tmp_path)
     _, own = _first_of(arm, name, 0)
     mild, _ = typical_range(effect(name).DESCRIPTION.parameters[0], arm, 0)
-    # Of a joint that hardly needs torque: nothing but the typical range tells what is much.
+    # Of a joint that hardly needs torque: nothing but the typical range says what is much.
     torque, first = np.full(arm.joints, 1e-3), np.eye(own.count)[0]
     assert not is_beyond_healthy(arm, torque, own, healthy * mild * first)
     assert is_beyond_healthy(arm, torque, own, faulty * mild * first)

@@ -20,9 +20,9 @@ def test_falling_friction_is_told_with_its_shape(arm, exponent):
     (found,) = diagnose(arm, runs).effects
     assert (found.effect, found.joint) == ("stribeck_friction", 0)
     for name, value in true.items():
-        told = found.parameters[name]
-        assert abs(told.value - value) < 4 * told.std
-        assert 0 < told.std < 0.05 * value
+        quantity = found.parameters[name]
+        assert abs(quantity.value - value) < 4 * quantity.std
+        assert 0 < quantity.std < 0.05 * value
 
 
 @pytest.mark.parametrize(("coefficient", "exponent"), [(4.0, 0.4), (2.0, 0.7)])
@@ -31,8 +31,8 @@ def test_friction_that_bends_is_told_with_its_exponent(arm, coefficient, exponen
     (found,) = diagnose(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3)).effects
     assert (found.effect, found.joint) == ("nonlinear_viscous_friction", 0)
     for name, value in (("coefficient", coefficient), ("exponent", exponent)):
-        told = found.parameters[name]
-        assert abs(told.value - value) < 4 * told.std
+        quantity = found.parameters[name]
+        assert abs(quantity.value - value) < 4 * quantity.std
 
 
 @pytest.mark.parametrize("width", [0.02, 0.12])
@@ -46,9 +46,9 @@ def test_a_shared_drives_viscous_friction_is_none_of_its_coulomb_frictions_softn
     (found,) = diagnose(arm, runs).effects
     assert (found.effect, found.joint, found.into) == ("joint_coupling", 0, 1)
     for name, value in true.items():
-        told = found.parameters[name]
-        assert abs(told.value - value) < 4 * told.std
-        assert told.std < 0.05 * value
+        quantity = found.parameters[name]
+        assert abs(quantity.value - value) < 4 * quantity.std
+        assert quantity.std < 0.05 * value
 
 
 @pytest.mark.parametrize("stiffness", [700.0, 2500.0])

@@ -52,8 +52,8 @@ def test_joints_are_listed_by_their_share_of_the_gap(answer: Diagnosis) -> None:
     other = replace(answer.where[1], share=0.19, regime="everywhere")
     names = answer.robot.joint_names
     first, second = names[largest.joint], names[other.joint]
-    told = where(replace(answer, where=(largest, other)))
-    assert told == f"{first} 81 %, densest: slow; {second} 19 %"
+    text = where(replace(answer, where=(largest, other)))
+    assert text == f"{first} 81 %, densest: slow; {second} 19 %"
 
 
 def test_a_noise_floor_that_is_a_bound_says_so(answer: Diagnosis) -> None:

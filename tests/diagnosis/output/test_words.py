@@ -35,8 +35,8 @@ def test_when_a_push_was_is_told_by_the_clock_of_the_logs():
         parameters={"intervals": times},
         runs=(0, 2),
     )
-    told = parameters(named, ("calm", "quiet", "pushed"))
-    assert told == "intervals 310.7 to 311.1 in calm; 1546.8 to 1547.3 in pushed, s (each ± 0.1)"
+    text = parameters(named, ("calm", "quiet", "pushed"))
+    assert text == "intervals 310.7 to 311.1 in calm; 1546.8 to 1547.3 in pushed, s (each ± 0.1)"
 
 
 def test_a_floor_of_low_passed_logs_is_told_as_a_bound(robot, runs, answer):

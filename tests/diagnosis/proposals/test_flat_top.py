@@ -81,7 +81,7 @@ def test_friction_of_a_steady_sweep_is_no_limit(arm):
     (run,) = simulated_runs(arm, [], runs=1).values()
     prepared = prepare(arm, {"sweep": replace(measured_only(run), time=time, position=q, torque=torque)})
     assert flat_tops(prepared, []) == []
-    # Of the same torque nothing but the motion tells: had gravity changed on the way, it would be a limit.
+    # For the same torque the motion alone decides: had gravity changed on the way, it would be a limit.
     lifted = replace(prepared.runs[0].logged, q=prepared.runs[0].logged.q + np.array([0.8, 0.0]))
     assert len(flat_tops(replace(prepared, runs=(replace(prepared.runs[0], logged=lifted),)), [])) == 1
 

@@ -1,4 +1,4 @@
-"""Ripple and eccentricity are waves in the position: told with what they have beside their first harmonic."""
+"""Ripple and eccentricity: waves in the position, named with what they have beside their first harmonic."""
 
 import numpy as np
 import pytest
@@ -40,9 +40,9 @@ def test_a_wave_is_told_with_its_law_and_nothing_of_it_is_left(arm, effect, law,
     assert parameters - effects > CLOSED * (parameters - noise)
     if law == "load_modulated":
         # Its full load is of the motion: at no load, and what a load adds.
-        told = {name: quantity.value for name, quantity in wave.parameters.items()}
-        unloaded = told["amplitude"] * told["unloaded"]
-        per_load = (told["amplitude"] - unloaded) / told["full_load"]
+        sizes = {name: quantity.value for name, quantity in wave.parameters.items()}
+        unloaded = sizes["amplitude"] * sizes["unloaded"]
+        per_load = (sizes["amplitude"] - unloaded) / sizes["full_load"]
         assert unloaded == pytest.approx(2.0 * 0.3, rel=0.1)
         assert per_load == pytest.approx(2.0 * 0.7 / 20, rel=0.1)
         return

@@ -123,7 +123,7 @@ def test_a_function_that_all_runs_fit_by_chance_predicts_by_chance(tmp_path, mon
     ("noise", "heavier_by"), [(0.05, 1.0), (4.0, 0.15), (6.0, 0.15), (6.0, 0.2), (6.0, 0.4)]
 )
 def test_a_run_that_parameters_are_extrapolated_to_is_not_unknown(tmp_path, noise, heavier_by):
-    """One run alone is fast: without it nothing tells the inertia, which the model has wrong."""
+    """One run alone is fast: without it nothing determines the inertia, which the model has wrong."""
     arm = small_arm(tmp_path)
     heavier = arm.parameters.copy().reshape(arm.joints, -1)
     heavier[:, ARMATURE] += heavier_by
