@@ -218,7 +218,7 @@ def _kept(
 def _gap(prepared: Prepared, hypothesis: Design, left: Sequence[Sequence[Array]]) -> Gap:
     """Errors on runs held out. left: residuals by the model as given, re-identified, and with the effects."""
     nominal, parameters, effects = (rms(each, hypothesis) for each in left)
-    of_noise = noise(prepared)
+    of_noise = noise(hypothesis.base)
     floor = np.minimum(of_noise.rms, np.minimum(effects, parameters))
     intervals = np.array([rms_interval(prepared, residual) for residual in left])
     return Gap(nominal, parameters, effects, floor, intervals, ~of_noise.seen, above_band(prepared))

@@ -12,6 +12,7 @@ from diagnosis.decision.findings import Diagnosis, Gap, NamedEffect, RankedCandi
 from diagnosis.fit.linearisation import first_linearised
 from diagnosis.fit.normal_equations import fit
 from diagnosis.held_out.shrinkage import everything
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import Candidate, candidate
 from diagnosis.model.hypothesis import design
 from diagnosis.residual.localisation import where
@@ -86,13 +87,13 @@ def diagnosed(
 ) -> Diagnosis:
     """The diagnosis that names these effects, each with its family's best member."""
     prepared = first_linearised(prepare(robot, recordings))
-    only = design(prepared)
-    only_fit = fit(prepared, only)
+    only = design(BaseRegressor(prepared))
+    only_fit = fit(only)
     chosen: list[Candidate] = []
     for name, joint, into in named:
         chosen.append(_best(prepared, chosen, name, joint, into))
-    final = design(prepared, chosen)
-    final_fit = fit(prepared, final)
+    final = design(BaseRegressor(prepared), chosen)
+    final_fit = fit(final)
     effects = []
     for index, (each, own) in enumerate(zip(chosen, final.parts, strict=True)):
         values, covariance = final_fit.values[own], np.zeros((each.count + len(each.family.refine),) * 2)
@@ -113,7 +114,7 @@ def diagnosed(
         rms(final_fit.held_out),
         0.9 * rms(final_fit.held_out),
     )
-    gap = replace(gap, unseen=~noise(prepared).seen, above=above_band(prepared))
+    gap = replace(gap, unseen=~noise(BaseRegressor(prepared)).seen, above=above_band(prepared))
     ranked = [RankedCandidate(e.effect, e.joint, e.into, e.probability, 240.0) for e in effects]
     ranked += [
         RankedCandidate(name, effects[0].joint if effects else 0, None, 0.02, 12.0 - index, "explains less")
@@ -153,7 +154,7 @@ def _best(
         return tried[0]
 
     def left(each: Candidate) -> float:
-        residual = np.concatenate(fit(prepared, design(prepared, [*before, each])).residual)
+        residual = np.concatenate(fit(design(BaseRegressor(prepared), [*before, each])).residual)
         return float(np.sum(np.log(np.sum(residual**2, axis=0))))
 
     return min(tried, key=left)

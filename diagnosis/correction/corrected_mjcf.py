@@ -25,6 +25,7 @@ from testbench.robot import Robot, load_robot
 
 from ..decision.findings import Diagnosis, NamedEffect
 from ..fit.normal_equations import Fit, fitted_to, standard_values
+from ..model.base_regressor import BaseRegressor
 from ..model.candidates import Candidate
 from ..model.hypothesis import Design
 from .corrected_model import corrected_model
@@ -162,7 +163,7 @@ def _by_reported(diagnosis: Diagnosis) -> tuple[Design, Fit]:
         )
         for index, run in enumerate(diagnosis.prepared.runs)
     ]
-    return fitted_to(replace(diagnosis.prepared, runs=tuple(runs)), [])
+    return fitted_to(BaseRegressor(replace(diagnosis.prepared, runs=tuple(runs))), [])
 
 
 def _simulator(

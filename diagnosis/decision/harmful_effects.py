@@ -55,13 +55,13 @@ def without_undetermined(found: Attribution) -> Attribution:
     kept = [item for item in found.accepted if is_determined(item)]
     if len(kept) == len(found.accepted):
         return found
-    hypothesis, fitted = fitted_to(found.prepared, [item.candidate for item in kept])
+    hypothesis, fitted = fitted_to(found.hypothesis.base, [item.candidate for item in kept])
     return replace(found, accepted=tuple(kept), hypothesis=hypothesis, fitted=fitted)
 
 
 def _without(found: Attribution, place: int) -> tuple[Attribution, tuple[Design, Fit]]:
     """The attribution without one of its effects, and its fit with whole runs left out."""
-    hypothesis, fitted = without_one(found.prepared, found.accepted, place)
+    hypothesis, fitted = without_one(found.hypothesis.base, found.accepted, place)
     rest = found.accepted[:place] + found.accepted[place + 1 :]
     without = replace(found, accepted=rest, hypothesis=hypothesis, fitted=fitted)
     return without, (hypothesis, on_whole_runs(hypothesis, fitted))

@@ -13,7 +13,6 @@ from ..data.run import Prepared
 from ..fit.likelihood import Weighed, gained_by_shift
 from ..fit.normal_equations import Fit, squares
 from ..fit.score import Stage
-from ..model.base_regressor import base_regressor
 from ..model.candidates import Candidate
 from ..model.effect_sizes import is_beyond_healthy, is_excessive, times_healthy
 from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
@@ -85,7 +84,7 @@ def likely_faults(
     open_: effects that were not accepted, whose sizes tell as well how imperfect this robot's joints are.
     """
     prepared = hypothesis.prepared
-    torque_rms = base_regressor(prepared).torque_rms
+    torque_rms = hypothesis.base.torque_rms
 
     def size(candidate: Candidate, coefficients: Array) -> Size:
         times = times_healthy(sized, torque_rms, candidate, coefficients)
@@ -125,7 +124,7 @@ def as_fitted_at_last(
     An effect is no longer reported where it is larger than any gear has it, no larger than on a healthy
     robot, or not distinguished from zero.
     """
-    found, torque_rms = [], base_regressor(hypothesis.prepared).torque_rms
+    found, torque_rms = [], hypothesis.base.torque_rms
     for item, part, candidate in zip(accepted, hypothesis.parts, hypothesis.accepted, strict=True):
         own = candidate, fitted.values[part]
         named = item.named and not is_excessive(sized, *own, item.share)

@@ -12,7 +12,6 @@ from ..decision.findings import Diagnosis
 from ..fit.likelihood import weigh
 from ..fit.normal_equations import fitted_to
 from ..fit.score import Stage
-from ..model.base_regressor import base_regressor
 from ..model.candidates import candidate
 from ..model.gram import Bank
 from .rivals import Open, Rival
@@ -52,7 +51,7 @@ def _fitted(diagnosis: Diagnosis, rival: Rival) -> Sized | None:
 def _in_place_of(diagnosis: Diagnosis, first: Rival, rival: Rival) -> Sized | None:
     """The rival as it is fitted where the first one is left out, by the measure of the diagnosis."""
     hypothesis = diagnosis.final[0]
-    prepared, base = hypothesis.prepared, base_regressor(hypothesis.prepared)
+    prepared, base = hypothesis.prepared, hypothesis.base
     rest = [each for each in hypothesis.accepted if each.place != (first.effect, first.joint, first.into)]
     logged = [run.logged for run in prepared.runs]
     family = effect(rival.effect).signature(logged, rival.joint, rival.into)
@@ -61,7 +60,7 @@ def _in_place_of(diagnosis: Diagnosis, first: Rival, rival: Rival) -> Sized | No
     if not weighed:
         return None
     best = weighed[0].candidate
-    coefficients = fitted_to(prepared, [*rest, best])[1].values[-best.count :]
+    coefficients = fitted_to(base, [*rest, best])[1].values[-best.count :]
     # A rival whose signs forbid it to imitate has no size of its own.
     return Sized(dict(best.member.shape), coefficients) if np.any(coefficients != 0) else None
 

@@ -15,11 +15,10 @@ from scipy.optimize import minimize_scalar
 from testbench.effects import effect
 from testbench.torque_lag import IN_TIME, TorqueLag, with_derivatives
 
-from ..model.base_regressor import base_regressor
 from ..model.candidates import DELAY
 from ..model.hypothesis import Design, bounds, design, log_prior, scaled_precision
 from .bounded import solve
-from .normal_equations import Fit, log_of_squares, normal_of
+from .normal_equations import Fit, log_of_squares
 
 Array = NDArray[np.float64]
 
@@ -69,9 +68,9 @@ class _Shifted:
 
     def __init__(self, hypothesis: Design, fitted: Fit):
         rest = [each for each in hypothesis.accepted if not each.is_common_delay]
-        self.hypothesis = design(hypothesis.prepared, rest, is_delayed=True)
-        self.base, self.weights = base_regressor(hypothesis.prepared), fitted.weights
-        products = normal_of(self.hypothesis).weighted(self.weights)[0].sum(axis=0)
+        self.hypothesis = design(hypothesis.base, rest, is_delayed=True)
+        self.base, self.weights = hypothesis.base, fitted.weights
+        products = self.hypothesis.weighted(self.weights)[0].sum(axis=0)
         self.matrix = products + np.diag(scaled_precision(self.hypothesis, fitted.prior_scales))
         self.lower, self.upper = bounds(self.hypothesis)
         self.xy = np.sum([self._products(run, left) for run, left in enumerate(self.base.gap)], axis=0)

@@ -12,7 +12,6 @@ from scipy.optimize import minimize_scalar
 
 from identification.regressor import regressor
 
-from ..model.base_regressor import base_regressor
 from ..model.hypothesis import Design, log_prior, scaled_precision
 from .normal_equations import Fit, log_of_squares
 
@@ -60,7 +59,7 @@ class _Counted:
     """Re-identification of thinned runs, with a joint's positions counted from elsewhere."""
 
     def __init__(self, hypothesis: Design, fitted: Fit):
-        prepared, base = hypothesis.prepared, base_regressor(hypothesis.prepared)
+        prepared, base = hypothesis.prepared, hypothesis.base
         self.hypothesis, self.chain = hypothesis, prepared.robot.chain.without_springs()
         every = prepared.evenly(MOST)
         self.q, self.dq, self.ddq, self.used = prepared.thinned(every, "q", "dq", "ddq", "used")

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Member
 from testbench.robot import Robot
 
-from ..model.base_regressor import base_regressor
 from ..model.candidates import Candidate, candidate
 from ..model.effect_sizes import is_plausible
 from ..model.hypothesis import Design, design
@@ -44,7 +43,7 @@ def at_likeliest_shapes(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[
             at_likeliest_shape(robot, hypothesis, fitted, place, least_step) if is_searched(each) else each
             for place, each in enumerate(hypothesis.accepted)
         ]
-        hypothesis, fitted = fitted_to(hypothesis.prepared, refined)
+        hypothesis, fitted = fitted_to(hypothesis.base, refined)
     return hypothesis, fitted
 
 
@@ -62,12 +61,14 @@ def after_a_step(robot: Robot, hypothesis: Design, fitted: Fit, places: Sequence
         assert each.family.member is not None
         shaped = each.family.member(_stepped(hypothesis, last, place))
         stepped = candidate(prepared, each.family, shaped)
-        trial = design(prepared, [*hypothesis.accepted[:place], stepped, *hypothesis.accepted[place + 1 :]])
-        found = fit(prepared, trial, like=last)
+        trial = design(
+            hypothesis.base, [*hypothesis.accepted[:place], stepped, *hypothesis.accepted[place + 1 :]]
+        )
+        found = fit(trial, like=last)
         is_likelier = found.objective < last.objective
         if is_likelier and is_plausible(robot, stepped, found.values[trial.parts[place]]):
             hypothesis, last = trial, found
-    return (hypothesis, fitted) if last is fitted else fitted_to(prepared, hypothesis.accepted)
+    return (hypothesis, fitted) if last is fitted else fitted_to(hypothesis.base, hypothesis.accepted)
 
 
 def _stepped(hypothesis: Design, fitted: Fit, place: int) -> dict[str, float]:
@@ -75,7 +76,7 @@ def _stepped(hypothesis: Design, fitted: Fit, place: int) -> dict[str, float]:
     each = hypothesis.accepted[place]
     names = searched_for(each)
     slopes = slopes_by_shapes(hypothesis, fitted, place, names)
-    step = Stage(base_regressor(hypothesis.prepared), hypothesis, fitted).exactly(slopes)
+    step = Stage(hypothesis, fitted).exactly(slopes)
     if step is None:
         return dict(each.member.shape)
     stepped = np.clip(np.array([each.member.shape[name] for name in names]) + step[1], *ranges(each, names))
@@ -92,9 +93,9 @@ def at_likeliest_shape(
 ) -> Candidate:
     """An effect at the likeliest of its shapes, with the others kept as they are."""
     each, prepared = hypothesis.accepted[place], hypothesis.prepared
-    others = design(prepared, [*hypothesis.accepted[:place], *hypothesis.accepted[place + 1 :]])
+    others = design(hypothesis.base, [*hypothesis.accepted[:place], *hypothesis.accepted[place + 1 :]])
     # By the weights of the whole: without the effect its joint would seem to be the noisier.
-    stage = Stage(base_regressor(prepared), others, fit(prepared, others, like=fitted))
+    stage = Stage(others, fit(others, like=fitted))
     before = stage.exactly(each)
     if before is None:
         return each

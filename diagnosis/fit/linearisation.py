@@ -11,6 +11,7 @@ from identification.prior import TIMING
 from testbench.effects import effect
 
 from ..data.run import Prepared
+from ..model.base_regressor import BaseRegressor
 from ..model.candidates import ZERO, Candidate, candidate
 from ..model.hypothesis import Design
 from .delay import likeliest_delay
@@ -32,7 +33,7 @@ def bends_parameters(each: Candidate) -> bool:
 
 def first_linearised(prepared: Prepared, seeks_zero: bool = True) -> Prepared:
     """The runs linearised at their re-identification, with a large encoder offset or a long delay if any."""
-    hypothesis, fitted = fitted_to(prepared, [])
+    hypothesis, fitted = fitted_to(BaseRegressor(prepared), [])
     values = fitted.values
     zeros = np.zeros(prepared.joints)
     if seeks_zero and (zero := likeliest_zero(hypothesis, fitted)) is not None:
@@ -52,7 +53,8 @@ def linearised_anew(hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
             shapes[place] = {"difference": delay}
         if each.family.effect == ZERO and abs(offset := float(fitted.values[own][0])) > FAR_OFF:
             zeros[each.family.joint] = offset
-    return fitted_to(*_linearised(hypothesis, values, shapes, zeros))
+    prepared, accepted = _linearised(hypothesis, values, shapes, zeros)
+    return fitted_to(BaseRegressor(prepared), accepted)
 
 
 def _linearised(

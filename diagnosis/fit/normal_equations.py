@@ -6,7 +6,6 @@ units of chi-squared for coloured residuals too.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from identification.covariance import variance_inflation
 
 from ..data.run import Prepared
-from ..model.base_regressor import base_regressor
+from ..model.base_regressor import BaseRegressor
 from ..model.candidates import Candidate
 from ..model.hypothesis import Design, bounds, design, likeliest_scales, scaled_precision
 from .bounded import RIDGE, solve
@@ -58,52 +57,16 @@ class Fit:
         return float(own @ np.linalg.pinv(self.covariance[part, part]) @ own)
 
 
-class Normal:
-    """Sums over each fold's used rows of one joint: X'X (u, u) of what loads it, and X'y (F, n, p)."""
-
-    def __init__(self, hypothesis: Design):
-        self._hypothesis, base = hypothesis, base_regressor(hypothesis.prepared)
-        self.xx = [[self._with_effects(f, j) for j in range(base.joints)] for f in range(len(base.folds))]
-        self.xy = np.zeros((len(base.folds), base.joints, len(hypothesis.precision)))
-        self.xy[:, :, : base.parameters] = base.xy
-        for fold, joint in np.ndindex(*self.xy.shape[:2]):
-            own, z = hypothesis.loading[joint], hypothesis.added[fold][joint]
-            self.xy[fold, joint, own[own >= base.parameters]] = z.T @ base.y[fold][joint]
-
-    def _with_effects(self, fold: int, joint: int) -> Array:
-        """X'X of one fold and joint: the base regressor's, bordered by that of the effects."""
-        base, z = base_regressor(self._hypothesis.prepared), self._hypothesis.added[fold][joint]
-        if not z.shape[1]:
-            return base.xx[fold][joint]
-        cross = base.x(fold, joint).T @ z
-        return np.block([[base.xx[fold][joint], cross], [cross.T, z.T @ z]])
-
-    def weighted(self, weights: Array) -> tuple[Array, Array]:
-        """The sums of each fold over the joints by their weights (n,): (F, p, p) and (F, p)."""
-        found = np.zeros((len(self.xx), *2 * [self.xy.shape[2]]))
-        for of_fold, sums in zip(self.xx, found, strict=True):
-            for xx, own, weight in zip(of_fold, self._hypothesis.loading, weights, strict=True):
-                sums[own[:, None], own] += weight * xx
-        return found, np.einsum("j,fja->fa", weights, self.xy)
-
-
-@lru_cache(maxsize=2)
-def normal_of(hypothesis: Design) -> Normal:
-    """The sums of a hypothesis; those of the last two are remembered."""
-    return Normal(hypothesis)
-
-
-def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:
+def fit(hypothesis: Design, like: Fit | None = None) -> Fit:
     """Weights, prior scales and values estimated in turn; then every fold predicted from the others.
 
     like: with this fit's weights and prior scales instead, by which hypotheses can be compared.
     """
-    normal = normal_of(hypothesis)
     lower, upper = bounds(hypothesis)
     weights, prior_scales = (
-        _weights_and_scale(hypothesis, normal) if like is None else (like.weights, like.prior_scales)
+        _weights_and_scale(hypothesis) if like is None else (like.weights, like.prior_scales)
     )
-    folds = normal.weighted(weights)
+    folds = hypothesis.weighted(weights)
     information = folds[0].sum(axis=0)
     information[np.diag_indices_from(information)] += scaled_precision(hypothesis, prior_scales) + RIDGE
     values = _values(hypothesis, folds, prior_scales, (lower, upper))
@@ -120,29 +83,29 @@ def fit(prepared: Prepared, hypothesis: Design, like: Fit | None = None) -> Fit:
         apart=np.zeros((0, len(values))),
         bounds=(lower, upper),
     )
-    return _with_held_out(hypothesis, fitted, folds, prepared.folds)
+    return _with_held_out(hypothesis, fitted, folds, hypothesis.base.folds)
 
 
-def _weights_and_scale(hypothesis: Design, normal: Normal) -> tuple[Array, Array]:
+def _weights_and_scale(hypothesis: Design) -> tuple[Array, Array]:
     """One over each joint's long-run residual variance (n,), and the prior's variance scales (2,).
 
     The scales lag a pass behind, lest an effect that is yet to be taken in loosens the parameters; but those
     of a model that is far from the robot they would hold back, and what that leaves looks like effects.
     """
-    found = _in_turn(hypothesis, normal, 1)
+    found = _in_turn(hypothesis, 1)
     if np.any(found[1] > POOR):
-        converged = _in_turn(hypothesis, normal, SCALE_PASSES)
+        converged = _in_turn(hypothesis, SCALE_PASSES)
         if np.any(converged[1] > LAGS * found[1]):
             return converged
     return found
 
 
-def _in_turn(hypothesis: Design, normal: Normal, scale_passes: int) -> tuple[Array, Array]:
+def _in_turn(hypothesis: Design, scale_passes: int) -> tuple[Array, Array]:
     """Weights and the prior's scales, each by the other's last values."""
     weights = 1 / np.maximum(np.var(np.concatenate(hypothesis.gap), axis=0), 1e-30)
     limits, scale = bounds(hypothesis), np.ones(len(hypothesis.kinds))
     for _ in range(WEIGHT_PASSES):
-        folds = normal.weighted(weights)
+        folds = hypothesis.weighted(weights)
         for _ in range(scale_passes):
             values, before = _values(hypothesis, folds, scale, limits), scale
             scale = likeliest_scales(hypothesis, values)
@@ -165,7 +128,7 @@ def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:
     of_run = np.array([run for run, _ in prepared.folds])
     folds = tuple(
         np.stack([part[of_run == run].sum(axis=0) for run, _ in whole])
-        for part in normal_of(hypothesis).weighted(fitted.weights)
+        for part in hypothesis.weighted(fitted.weights)
     )
     found = _with_held_out(hypothesis, fitted, folds, whole)
     parts = zip(prepared.moved_alone, fitted.held_out, found.held_out, strict=True)
@@ -190,10 +153,10 @@ def _with_held_out(
     return replace(fitted, held_out=tuple(held_out), apart=apart)
 
 
-def fitted_to(prepared: Prepared, accepted: Sequence[Candidate]) -> tuple[Design, Fit]:
+def fitted_to(base: BaseRegressor, accepted: Sequence[Candidate]) -> tuple[Design, Fit]:
     """The hypothesis that these effects act, and its fit."""
-    hypothesis = design(prepared, accepted)
-    return hypothesis, fit(prepared, hypothesis)
+    hypothesis = design(base, accepted)
+    return hypothesis, fit(hypothesis)
 
 
 def standard_values(prepared: Prepared, values: Array) -> Array:
@@ -247,7 +210,7 @@ def _left(hypothesis: Design, run: int, part: slice, values: Array) -> Array:
 
 def left_everywhere(hypothesis: Design, run: int, part: slice, values: Array) -> Array:
     """The same where samples do not count, too."""
-    base = base_regressor(hypothesis.prepared)
+    base = hypothesis.base
     own = values[: base.parameters]
     each = enumerate(base.loading)
     fitted = np.column_stack([base.columns(run, joint, part) @ own[loading] for joint, loading in each])

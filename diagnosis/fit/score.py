@@ -18,7 +18,7 @@ from ..model.gram import Bank
 from ..model.hypothesis import Design, design, log_prior, scaled_precision
 from .active_set import Inverse, at_bounds
 from .bounded import minimisers, solve
-from .normal_equations import Fit, fit, fitted_to, normal_of, squares
+from .normal_equations import Fit, fit, fitted_to, squares
 
 Array = NDArray[np.float64]
 
@@ -54,13 +54,12 @@ class Gain:
 class Stage:
     """A fitted hypothesis, ready to weigh candidates."""
 
-    def __init__(self, base: BaseRegressor, hypothesis: Design, fitted: Fit):
-        self.base, self.hypothesis, self.fitted = base, hypothesis, fitted
-        self.prepared, self.weights = base.prepared, fitted.weights
-        self.residual, self.held = base.rows(fitted.residual), base.rows(fitted.held_out)
-        normal = normal_of(hypothesis)
-        self.xx, self.xy = normal.xx, normal.xy
-        self.parts = normal.weighted(self.weights)[0]
+    def __init__(self, hypothesis: Design, fitted: Fit):
+        self.base, self.hypothesis, self.fitted = hypothesis.base, hypothesis, fitted
+        self.prepared, self.weights = hypothesis.prepared, fitted.weights
+        self.residual, self.held = (self.base.rows(each) for each in (fitted.residual, fitted.held_out))
+        self.xx, self.xy = hypothesis.xx, hypothesis.xy
+        self.parts = hypothesis.weighted(self.weights)[0]
         self.precision = np.diag(scaled_precision(hypothesis, fitted.prior_scales))
         self.total = self.parts.sum(axis=0) + self.precision
         self.xh, falls = (hypothesis.products(dict(enumerate(of))) for of in (self.held, self.residual))
@@ -85,16 +84,16 @@ class Stage:
     @classmethod
     def of(cls, base: BaseRegressor, accepted: Sequence[Candidate]) -> "Stage":
         """The hypothesis with these effects, fitted in full."""
-        return cls(base, *fitted_to(base.prepared, accepted))
+        return cls(*fitted_to(base, accepted))
 
     def with_effects(self, more: Sequence[Candidate]) -> tuple[Design, Fit]:
         """The hypothesis with more effects, fitted in full."""
-        return fitted_to(self.prepared, [*self.hypothesis.accepted, *more])
+        return fitted_to(self.base, [*self.hypothesis.accepted, *more])
 
     def compared(self, candidate: Candidate) -> tuple[Design, Fit]:
         """The hypothesis with one more effect, by the weights and the prior scale of this one."""
-        hypothesis = design(self.prepared, [*self.hypothesis.accepted, candidate])
-        return hypothesis, fit(self.prepared, hypothesis, like=self.fitted)
+        hypothesis = design(self.base, [*self.hypothesis.accepted, candidate])
+        return hypothesis, fit(hypothesis, like=self.fitted)
 
     @property
     def timing(self) -> float:

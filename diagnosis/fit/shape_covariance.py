@@ -14,7 +14,7 @@ from testbench.effects.signature import Member
 
 from ..model.candidates import Candidate, candidate
 from ..model.hypothesis import Design, scaled_precision
-from .normal_equations import Fit, normal_of
+from .normal_equations import Fit
 from .shape_search import ranges, share_of, within
 
 Array = NDArray[np.float64]
@@ -37,11 +37,11 @@ def covariance_with_shapes(hypothesis: Design, fitted: Fit, index: int) -> Array
         return found
     slopes = slopes_by_shapes(hypothesis, fitted, index, [names[place] for place in known])
     extended = Design(
-        hypothesis.prepared,
+        hypothesis.base,
         (*hypothesis.accepted, slopes),
         np.concatenate([hypothesis.precision, np.zeros(slopes.count)]),
     )
-    information = normal_of(extended).weighted(fitted.weights)[0].sum(axis=0)
+    information = extended.weighted(fitted.weights)[0].sum(axis=0)
     information[np.diag_indices_from(information)] += scaled_precision(extended, fitted.prior_scales)
     scale = 1 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     inverse = np.outer(scale, scale) * np.linalg.pinv(information * np.outer(scale, scale), hermitian=True)

@@ -15,7 +15,7 @@ from testbench.torque_lag import IN_TIME, TorqueLag
 
 from ..data.preparation import prepare
 from ..data.run import Prepared
-from ..model.base_regressor import base_regressor
+from ..model.base_regressor import BaseRegressor
 from .delay import likeliest_lateness
 from .normal_equations import fitted_to, rms
 
@@ -37,8 +37,8 @@ def aligned(robot: Robot, recordings: Mapping[str, Recording], highest: float | 
 
 def lateness(prepared: Prepared) -> TorqueLag:
     """How all torque of these runs is surely late; in time where the unknown timing says as well."""
-    hypothesis, fitted = fitted_to(prepared, [])
-    poor = np.median(rms(fitted.residual, hypothesis) / base_regressor(prepared).torque_rms) > LEFT
+    hypothesis, fitted = fitted_to(BaseRegressor(prepared), [])
+    poor = np.median(rms(fitted.residual, hypothesis) / hypothesis.base.torque_rms) > LEFT
     if fitted.values[hypothesis.timing] < FIRST_GUESS and not poor:
         return IN_TIME
     lag = likeliest_lateness(hypothesis, fitted, SURELY)

@@ -17,8 +17,8 @@ from testbench.effects import effect
 from testbench.effects.signature import Quantity
 
 from ..data.run import Prepared, Run
-from ..fit.normal_equations import Fit, fitted_to, normal_of
-from ..model.base_regressor import base_regressor
+from ..fit.normal_equations import Fit, fitted_to
+from ..model.base_regressor import BaseRegressor
 from ..model.candidates import Candidate, candidate
 from ..model.effect_sizes import is_plausible
 from ..model.hypothesis import Design, scaled_precision
@@ -73,7 +73,7 @@ def without_differences(
     found: list[Difference] = []
     payload, stated = _payload(prepared), masses or {}
     if known := {k: stated[run.name] for k, run in enumerate(prepared.runs) if run.name in stated}:
-        carried = known_payloads(prepared, payload, known)
+        carried = known_payloads(BaseRegressor(prepared), payload, known)
         for (index, kilograms), coefficients in zip(known.items(), carried.coefficients, strict=True):
             torque = carried.reported * (np.asarray(payload.member.columns[index]) @ coefficients)
             prepared = _without(prepared, index, torque)
@@ -100,8 +100,8 @@ def _payload(prepared: Prepared) -> Candidate:
 
 def _most(prepared: Prepared, payload: Candidate, able: Sequence[int]) -> _Own | None:
     """The differences of one kind that explain most of all runs' residuals, of those large and certain."""
-    hypothesis, fitted = fitted_to(prepared, [])
-    matrix = normal_of(hypothesis).weighted(fitted.weights)[0].sum(axis=0)
+    hypothesis, fitted = fitted_to(BaseRegressor(prepared), [])
+    matrix = hypothesis.weighted(fitted.weights)[0].sum(axis=0)
     matrix[np.diag_indices_from(matrix)] += scaled_precision(hypothesis, fitted.prior_scales)
     total = float(sum(np.sum(fitted.weights * r**2) for r in fitted.residual))
     tried = []
@@ -112,10 +112,10 @@ def _most(prepared: Prepared, payload: Candidate, able: Sequence[int]) -> _Own |
         if len(able) == len(prepared.runs) and len(shown) > 1:
             shown.remove(_reference(columns, _fitted(columns, matrix, total, shown)))
         own = _fitted(columns, matrix, total, shown)
-        large = [index for index in shown if _is_large(prepared, own, index)]
+        large = [index for index in shown if _is_large(hypothesis.base, own, index)]
         if large and len(large) < len(shown):
             own = _fitted(columns, matrix, total, large)
-        if large and own.share > SHARE and all(_is_large(prepared, own, index) for index in large):
+        if large and own.share > SHARE and all(_is_large(hypothesis.base, own, index) for index in large):
             tried.append(own)
     return max(tried, key=lambda own: own.share, default=None)
 
@@ -132,7 +132,7 @@ def _reference(columns: _Columns, own: _Own) -> int:
 
 
 def _columns(hypothesis: Design, fitted: Fit, kind: str, payload: Candidate) -> _Columns:
-    prepared, base = hypothesis.prepared, base_regressor(hypothesis.prepared)
+    prepared, base = hypothesis.prepared, hypothesis.base
     n = prepared.joints
     parts: list[tuple[Array, Array, Array, NDArray[np.bool_]]] = []
     for index, run in enumerate(prepared.runs):
@@ -203,9 +203,9 @@ def _fitted(columns: _Columns, matrix: Array, total: float, runs: Sequence[int])
     return _Own(columns, coefficients, covariances, share)
 
 
-def _is_large(prepared: Prepared, own: _Own, index: int) -> bool:
+def _is_large(base: BaseRegressor, own: _Own, index: int) -> bool:
     """Whether a payload could be one, or offsets or friction are not next to nothing, and that is sure."""
-    coefficients, variances = own.coefficients[index], np.diag(own.covariance[index])
+    prepared, coefficients, variances = base.prepared, own.coefficients[index], np.diag(own.covariance[index])
     if own.columns.payload is not None:
         mass, deviation = coefficients[MASS], np.sqrt(variances[MASS])
         links = float(prepared.nominal.reshape(-1, PER_JOINT)[:, MASS].sum())
@@ -215,7 +215,7 @@ def _is_large(prepared: Prepared, own: _Own, index: int) -> bool:
     n = prepared.joints
     deviations = np.sqrt(np.maximum(variances[-n:], np.finfo(float).tiny))
     values = np.abs(coefficients[-n:])
-    large = values > LEAST_OFFSET * base_regressor(prepared).torque_rms
+    large = values > LEAST_OFFSET * base.torque_rms
     return bool(np.any(large & (values > SURELY * deviations)))
 
 

@@ -10,7 +10,7 @@ from ..data.run import Prepared
 from ..fit.likelihood import gained
 from ..fit.normal_equations import fitted_to, is_extrapolated, squares
 from ..fit.score import Stage
-from ..model.base_regressor import base_regressor
+from ..model.base_regressor import BaseRegressor
 from ..model.gram import Bank
 
 # A run is extrapolated to where that leaves no less than this share of the joint's torque.
@@ -25,8 +25,8 @@ TOLD, OF_ONE, PREDICTED = 30.0, 0.9, 0.5
 
 def covered(prepared: Prepared) -> Prepared:
     """The runs with folds that the others predict: joints may move in turn, or in one run alone be fast."""
-    hypothesis, fitted = fitted_to(prepared, [])
-    torque = base_regressor(prepared).torque_rms
+    hypothesis, fitted = fitted_to(BaseRegressor(prepared), [])
+    torque = hypothesis.base.torque_rms
     # A joint that moves in one run only is not identifiable from the others.
     alone: set[int] = set()
     if len(prepared.runs) > 1:

@@ -20,8 +20,7 @@ from scipy.optimize import least_squares
 
 from identification.parameters import MASS
 
-from ..data.run import Prepared
-from ..model.base_regressor import base_regressor
+from ..model.base_regressor import BaseRegressor
 from ..model.candidates import Candidate
 from ..model.hypothesis import INDEPENDENT
 
@@ -47,13 +46,13 @@ class KnownPayloads:
     deviations: Array
 
 
-def known_payloads(prepared: Prepared, payload: Candidate, masses: Mapping[int, float]) -> KnownPayloads:
+def known_payloads(base: BaseRegressor, payload: Candidate, masses: Mapping[int, float]) -> KnownPayloads:
     """The payloads of some runs and the gains of all drives.
 
     payload: of all runs. masses: kg, by the run's index; the other runs carry nothing.
     """
-    runs = tuple(masses)
-    parts = [_of_joint(prepared, runs, payload, joint) for joint in range(prepared.joints)]
+    prepared, runs = base.prepared, tuple(masses)
+    parts = [_of_joint(base, runs, payload, joint) for joint in range(prepared.joints)]
     widths, free = 1 / np.sqrt(payload.precision), np.arange(len(payload.precision)) != MASS
     roots, targets = zip(*parts, strict=True)
     known = np.array(list(masses.values()))
@@ -78,10 +77,11 @@ def known_payloads(prepared: Prepared, payload: Candidate, masses: Mapping[int, 
     return KnownPayloads(tuple(coefficients), shares, 1 / shares - 1, deviations / shares**2)
 
 
-def _of_joint(prepared: Prepared, runs: Sequence[int], payload: Candidate, joint: int) -> tuple[Array, Array]:
+def _of_joint(
+    base: BaseRegressor, runs: Sequence[int], payload: Candidate, joint: int
+) -> tuple[Array, Array]:
     """L (m, 10 r) and t (m,) of |L c - t|², a joint's squares beside its base parameters, in its noise."""
-    base = base_regressor(prepared)
-    used = [run.used[:, joint] for run in prepared.runs]
+    used = [run.used[:, joint] for run in base.prepared.runs]
     x = np.concatenate([base.columns(run, joint)[u] for run, u in enumerate(used)])
     y = np.concatenate([own[u, joint] for own, u in zip(base.gap, used, strict=True)])
     own_of = [payload.filtered[k][u, joint] for k, u in enumerate(used)]

@@ -26,7 +26,7 @@ def with_predictive_prior(hypothesis: Design, fitted: Fit) -> Fit:
     if hypothesis.prepared.moved_alone.any():
         return as_it_is
     like = replace(fitted, prior_scales=TIGHTER * fitted.prior_scales)
-    tighter = on_whole_runs(hypothesis, fit(hypothesis.prepared, hypothesis, like))
+    tighter = on_whole_runs(hypothesis, fit(hypothesis, like))
     torque = squares([run.torque for run in hypothesis.prepared.runs])
     loaded = torque > 0
     before, after = (

@@ -5,7 +5,6 @@ hypothesis adds its effects' own few columns.
 """
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,9 +111,3 @@ class BaseRegressor:
         """Used rows of one fold and joint. place: of the joint in the arrays, where that is not its index."""
         at = joint if place is None else place
         return runs[self.folds[fold][0]][:, at].take(self.used[fold][joint], axis=0)
-
-
-@lru_cache(maxsize=2)
-def base_regressor(prepared: Prepared) -> BaseRegressor:
-    """The base regressor of prepared runs; that of the last two linearisations is remembered."""
-    return BaseRegressor(prepared)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from identification.parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_JOINT, VISCOUS
 
 from ..data.run import Prepared
-from .base_regressor import base_regressor
+from .base_regressor import BaseRegressor
 from .candidates import Candidate
 
 Array = NDArray[np.float64]
@@ -41,17 +41,23 @@ LATE = 2.4e-3
 class Design:
     """The hypothesis that these effects act on the prepared runs, and no other.
 
-    accepted: the effects. precision: (p,) prior precision of each unknown, 0 for none.
+    base: regressor of the runs without effects. accepted: the effects. precision: (p,) prior precision of
+    each unknown, 0 for none.
     """
 
-    prepared: Prepared
+    base: BaseRegressor
     accepted: tuple[Candidate, ...]
     precision: Array
 
     @property
+    def prepared(self) -> Prepared:
+        """The runs."""
+        return self.base.prepared
+
+    @property
     def parameters(self) -> int:
         """Number of unknowns before the effects' coefficients."""
-        return base_regressor(self.prepared).parameters
+        return self.base.parameters
 
     @property
     def timing(self) -> int:
@@ -61,7 +67,7 @@ class Design:
     @property
     def gap(self) -> tuple[Array, ...]:
         """Torque less the model's, a run (M, n) N·m."""
-        return base_regressor(self.prepared).gap
+        return self.base.gap
 
     @property
     def used(self) -> tuple[NDArray[np.bool_], ...]:
@@ -121,13 +127,13 @@ class Design:
             np.concatenate(
                 [every[: self.parameters][own], *(every[p] for c, p in effects if joint in c.member.rows)]
             )
-            for joint, own in enumerate(base_regressor(self.prepared).loading)
+            for joint, own in enumerate(self.base.loading)
         )
 
     @cached_property
     def added(self) -> list[list[Array]]:
         """Used rows of the effects' columns that reach a joint, (m, k): a fold, a joint."""
-        base = base_regressor(self.prepared)
+        base = self.base
 
         def rows(fold: int, joint: int) -> Array:
             reaching = [(c, c.member.rows.index(joint)) for c in self.accepted if joint in c.member.rows]
@@ -144,32 +150,64 @@ class Design:
         """Used rows of what loads a joint, (m, u)."""
         if (fold, joint) in self._x:
             return self._x[fold, joint]
-        base = base_regressor(self.prepared)
+        base = self.base
         found = np.concatenate([base.x(fold, joint), self.added[fold][joint]], axis=1)
         if base.is_small:
             self._x[fold, joint] = found
         return found
 
+    @cached_property
+    def xx(self) -> list[list[Array]]:
+        """X'X (u, u) of each fold and joint's used rows of what loads it."""
+        return [[self._square(f, j) for j in range(self.base.joints)] for f in range(len(self.base.folds))]
+
+    def _square(self, fold: int, joint: int) -> Array:
+        """X'X of one fold and joint: the base regressor's, bordered by that of the effects."""
+        base, z = self.base, self.added[fold][joint]
+        if not z.shape[1]:
+            return base.xx[fold][joint]
+        cross = base.x(fold, joint).T @ z
+        return np.block([[base.xx[fold][joint], cross], [cross.T, z.T @ z]])
+
+    @cached_property
+    def xy(self) -> Array:
+        """X'y (F, n, p) of each fold and joint's used rows of the gap."""
+        base = self.base
+        found = np.zeros((len(base.folds), base.joints, len(self.precision)))
+        found[:, :, : base.parameters] = base.xy
+        for fold, joint in np.ndindex(*found.shape[:2]):
+            own, z = self.loading[joint], self.added[fold][joint]
+            found[fold, joint, own[own >= base.parameters]] = z.T @ base.y[fold][joint]
+        return found
+
+    def weighted(self, weights: Array) -> tuple[Array, Array]:
+        """The sums X'X (F, p, p) and X'y (F, p) of each fold over the joints, by their weights (n,)."""
+        found = np.zeros((len(self.xx), *2 * [len(self.precision)]))
+        for of_fold, sums in zip(self.xx, found, strict=True):
+            for xx, own, weight in zip(of_fold, self.loading, weights, strict=True):
+                sums[own[:, None], own] += weight * xx
+        return found, np.einsum("j,fja->fa", weights, self.xy)
+
     def products(self, y: Mapping[int, Sequence[Array]]) -> Array:
         """X'y (F, n, p) of used rows (m,) of some folds: by fold, in their order, and joint."""
         found = np.zeros((len(y), self.prepared.joints, len(self.precision)))
-        found[:, :, : self.parameters] = base_regressor(self.prepared).products(y)
+        found[:, :, : self.parameters] = self.base.products(y)
         for place, (fold, left) in enumerate(y.items()):
             for joint, own in enumerate(self.loading):
                 found[place, joint, own[own >= self.parameters]] = self.added[fold][joint].T @ left[joint]
         return found
 
 
-def design(prepared: Prepared, accepted: Sequence[Candidate] = (), is_delayed: bool = False) -> Design:
+def design(base: BaseRegressor, accepted: Sequence[Candidate] = (), is_delayed: bool = False) -> Design:
     """The hypothesis that these effects act, and no other. is_delayed: but for a delay, known apart."""
     # A window in which next to nothing counts must not hold a push without bounds.
-    push = (LARGEST_PUSH * float(base_regressor(prepared).torque_rms.max())) ** -2.0
+    push = (LARGEST_PUSH * float(base.torque_rms.max())) ** -2.0
     free = [np.full(c.count, push) if c.is_event else c.precision for c in accepted]
-    precision = np.concatenate([base_regressor(prepared).precision, *free])
+    precision = np.concatenate([base.precision, *free])
     if is_delayed or any(c.is_common_delay for c in accepted):
         # A delay that is an effect leaves none to the way the log was taken.
-        precision[base_regressor(prepared).parameters - 1] = NO_TIMING**-2
-    return Design(prepared, tuple(accepted), precision)
+        precision[base.parameters - 1] = NO_TIMING**-2
+    return Design(base, tuple(accepted), precision)
 
 
 def log_prior(hypothesis: Design, values: Array) -> Array:

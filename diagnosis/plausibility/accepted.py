@@ -7,10 +7,10 @@ import numpy as np
 
 from testbench.effects.transmission_ripple import SLOWEST
 
-from ..data.run import Prepared
 from ..fit.likelihood import Weighed
 from ..fit.normal_equations import Fit, fitted_to
 from ..fit.score import Stage
+from ..model.base_regressor import BaseRegressor
 from ..model.candidates import Candidate
 from ..model.hypothesis import Design
 from ..residual.localisation import share_left
@@ -88,6 +88,6 @@ def _is_other_law(one: Accepted, other: Accepted) -> bool:
     return _is_of_position(one) and a.joint == b.joint and a.effect != b.effect
 
 
-def without_one(prepared: Prepared, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
+def without_one(base: BaseRegressor, accepted: Sequence[Accepted], place: int) -> tuple[Design, Fit]:
     """The hypothesis without one of its effects, fitted in full."""
-    return fitted_to(prepared, [a.candidate for k, a in enumerate(accepted) if k != place])
+    return fitted_to(base, [a.candidate for k, a in enumerate(accepted) if k != place])

@@ -12,7 +12,6 @@ from ..fit.likelihood import Weighed, gained, log_posterior
 from ..fit.linearisation import linearised_anew
 from ..fit.normal_equations import Fit, fitted_to
 from ..fit.score import Stage
-from ..model.base_regressor import base_regressor
 from ..model.hypothesis import Design
 from .laws import MORE_TRIED, refined
 
@@ -43,7 +42,7 @@ def linearised_until_settled(robot: Robot, hypothesis: Design, fitted: Fit) -> t
 
 def refined_again(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[Design, Fit]:
     """The hypothesis with the shapes of its backlash and soft gearboxes searched for anew; and its fit."""
-    prepared, base = hypothesis.prepared, base_regressor(hypothesis.prepared)
+    base = hypothesis.base
     for place, each in enumerate(hypothesis.accepted):
         if not each.description.of_transmission:
             continue
@@ -54,5 +53,5 @@ def refined_again(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[Design
         if gain is not None:
             best = refined(robot, stage, Weighed(gain, gained(stage, gain)), MORE_TRIED).candidate
             accepted = [*hypothesis.accepted[:place], best, *hypothesis.accepted[place + 1 :]]
-            hypothesis, fitted = fitted_to(prepared, accepted)
+            hypothesis, fitted = fitted_to(base, accepted)
     return hypothesis, fitted

@@ -51,7 +51,7 @@ def vibrations(first: Stage, last: Stage, accepted: Sequence[Accepted]) -> tuple
         joint = item.candidate.family.joint
         if not item.named or not item.candidate.description.is_lag or joint is None:
             continue
-        alone = Stage(last.base, *without_one(last.prepared, accepted, place))
+        alone = Stage(*without_one(last.base, accepted, place))
         law = [run @ last.fitted.values[last.hypothesis.parts[place]] for run in item.candidate.filtered]
         (f, before), (_, after) = (_spectrum(*_left(stage, joint)) for stage in (alone, last))
         # Where it explains most, and where it has most torque to explain any with.

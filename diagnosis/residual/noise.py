@@ -6,14 +6,13 @@ What the residual has more of there is encoders' noise differentiated twice, whi
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from ..data.run import Prepared, Run
-from ..model.base_regressor import base_regressor
+from ..data.run import Run
+from ..model.base_regressor import BaseRegressor
 
 Array = NDArray[np.float64]
 
@@ -45,9 +44,9 @@ class Noise:
     seen: NDArray[np.bool_]
 
 
-@lru_cache(maxsize=2)
-def noise(prepared: Prepared) -> Noise:
-    """Noise floor of these runs, from the noise of torque sensors and encoders."""
+def noise(base: BaseRegressor) -> Noise:
+    """Noise floor of the runs of a base regressor, from the noise of torque sensors and encoders."""
+    prepared = base.prepared
     squares = [_repetition(run) for run in prepared.runs]
     known = [s for s in squares if s is not None]
     if known:
@@ -55,7 +54,7 @@ def noise(prepared: Prepared) -> Noise:
     found = [_quiet_band(run) for run in prepared.runs]
     of_torque = np.mean([square for square, _ in found], axis=0)
     seen = np.all([each for _, each in found], axis=0)
-    least = np.where(seen, 0.0, LEAST_UNSEEN) * base_regressor(prepared).torque_rms
+    least = np.where(seen, 0.0, LEAST_UNSEEN) * base.torque_rms
     return Noise(np.maximum(np.sqrt(of_torque + prepared.encoder_torque**2), least), seen)
 
 

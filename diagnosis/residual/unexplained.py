@@ -152,9 +152,7 @@ def _of_timing(last: Stage) -> Iterator[Unclaimed]:
     delayed = any(each.is_common_delay for each in hypothesis.accepted)
     if delayed or last.timing > -LATE:
         return
-    in_time = squares(
-        fit(last.prepared, design(last.prepared, hypothesis.accepted, is_delayed=True)).held_out
-    )
+    in_time = squares(fit(design(last.base, hypothesis.accepted, is_delayed=True)).held_out)
     share = 1 - last.held_squares / np.maximum(in_time, 1e-300)
     joint = int(np.argmax(share))
     yield Unclaimed(joint, TIMING, float(share[joint]))
@@ -162,7 +160,7 @@ def _of_timing(last: Stage) -> Iterator[Unclaimed]:
 
 def _of_nothing(first: Stage, last: Stage, named: Collection[int]) -> Iterator[Unclaimed]:
     """Unexplained residual too large for noise that follows neither the motion nor a period."""
-    of_sensors, left = noise(last.prepared), share_left(first, last)
+    of_sensors, left = noise(last.base), share_left(first, last)
     has_name = np.isin(np.arange(len(left)), list(named))
     times, is_large = _rms(last) / of_sensors.rms, _relative(last) > MISFIT_TORQUE
     is_loud = of_sensors.seen & (times > MISFIT_NOISE)

@@ -38,14 +38,14 @@ def concluded(grown: Grown, library: Library) -> Attribution:
     original, sized, base = grown.original, grown.sized, grown.stage.base
     accepted, hypothesis, fitted = _kept(grown, library)
     unchanged = hypothesis is grown.stage.hypothesis
-    last = grown.stage if unchanged else Stage(base, hypothesis, fitted)
+    last = grown.stage if unchanged else Stage(hypothesis, fitted)
     taken = {item.candidate.place for item in accepted}
     open_ = [w for w in weigh(last, grown.banks.proposals) if w.candidate.place not in taken]
     accepted = likely_faults(sized, hypothesis, fitted, accepted, open_)
     imitated = [each for kind in IMITATIONS for each in kind(original, last, accepted)]
     if len(kept := without_shaken(accepted, imitated)) < len(accepted):
         accepted = kept
-        hypothesis, fitted = fitted_to(base.prepared, [a.candidate for a in accepted])
+        hypothesis, fitted = fitted_to(base, [a.candidate for a in accepted])
     hypothesis, fitted = at_likeliest_shapes(sized, hypothesis, fitted)
     named = [place for place, item in enumerate(accepted) if item.named]
     hypothesis, fitted = after_a_step(sized, hypothesis, fitted, named)
@@ -74,7 +74,7 @@ def _kept(grown: Grown, library: Library) -> tuple[list[Accepted], Design, Fit]:
     accepted, hypothesis, fitted = _pruned(stage.base, sized, grown.accepted, stage.hypothesis, stage.fitted)
     if len(kept := without_rests(accepted)) < len(accepted):
         # What was shaped beside a rest of its own is not as it is alone.
-        refitted = fitted_to(stage.prepared, [a.candidate for a in kept])
+        refitted = fitted_to(stage.base, [a.candidate for a in kept])
         hypothesis, fitted = at_likeliest_shapes(sized, *refitted)
         accepted = as_of(hypothesis, kept)
     if SATURATION not in library.without:
@@ -97,7 +97,7 @@ def _with_flat_tops(
     found = flat_tops(hypothesis.prepared, known)
     if not found:
         return list(accepted), hypothesis, fitted
-    trial = fitted_to(hypothesis.prepared, [*hypothesis.accepted, *found])
+    trial = fitted_to(hypothesis.base, [*hypothesis.accepted, *found])
     seen = [Accepted(each, probability=1.0, rivals=(), score=0.0, share=0.0, worth=0.0) for each in found]
     return [*accepted, *seen], *trial
 
@@ -108,10 +108,10 @@ def _pruned(
     """Take out, one by one, effects that are no longer material with the others fitted."""
     accepted = list(accepted)
     while len(accepted) > 1:
-        rest = [without_one(base.prepared, accepted, place) for place in range(len(accepted))]
+        rest = [without_one(base, accepted, place) for place in range(len(accepted))]
         worth = []
         for item, trial in zip(accepted, rest, strict=True):
-            stage = Stage(base, *trial)
+            stage = Stage(*trial)
             gain = stage.gain(item.candidate)
             if gain is not None:
                 # Both are fitted in full here, so what leaving it out costs is known exactly.

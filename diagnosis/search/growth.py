@@ -21,7 +21,7 @@ from ..fit.linearisation import first_linearised
 from ..fit.normal_equations import standard_values
 from ..fit.score import Stage
 from ..held_out.folds import covered, covered_for
-from ..model.base_regressor import base_regressor
+from ..model.base_regressor import BaseRegressor
 from ..model.candidates import ZERO
 from ..model.effect_sizes import with_friction
 from ..model.gram import Bank
@@ -93,10 +93,10 @@ def _grown(prepared: Prepared, limits: Sequence[Sequence[Cut]], library: Library
 def _begun(prepared: Prepared, limits: Sequence[Sequence[Cut]], library: Library) -> tuple[Grown, Search]:
     """The hypothesis of re-identification alone, and what every round searches in. limits: of ``cuts``."""
     library.along(prepared)
-    original = Stage.of(base_regressor(prepared), [])
+    original = Stage.of(BaseRegressor(prepared), [])
     proposals = Bank(original.base, library.catalogue)
     if (covered := covered_for(original, proposals)) is not prepared:
-        prepared, original = covered, Stage.of(base_regressor(covered), [])
+        prepared, original = covered, Stage.of(BaseRegressor(covered), [])
         proposals = Bank(original.base, proposals.candidates)
     sized = with_friction(prepared.robot, standard_values(prepared, original.fitted.values))
     search = Search(original, sized, limits, tuple(library.without))
@@ -111,10 +111,10 @@ def _with(grown: Grown, found: Found, search: Search, library: Library) -> Grown
     banks, base = grown.banks, grown.stage.base
     if banks is None:
         hypothesis, fitted = linearised_until_settled(grown.sized, hypothesis, fitted)
-        base = base_regressor(hypothesis.prepared)
+        base = hypothesis.base
         library.along(hypothesis.prepared)
         banks = Banks.beside(Bank(base, library.catalogue), base, library.motions)
-    stage = Stage(base, hypothesis, fitted)
+    stage = Stage(hypothesis, fitted)
     weighed = search.open(stage, banks.proposals)
     own = accepted_as(found, grown.stage, grown.sized)
     accepted = as_of(hypothesis, [*grown.accepted, own])

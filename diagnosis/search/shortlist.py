@@ -74,7 +74,7 @@ def choose(
     ):
         return None
     shortlist[first], trial = _likelier(robot, stage, shortlist[first])
-    after = Stage(stage.base, *trial)
+    after = Stage(*trial)
     left = after.gains(Bank(stage.base, [w.candidate for w in shortlist]))
     kept = [first]
     for index, (weighed, gain) in enumerate(zip(shortlist, left, strict=True)):

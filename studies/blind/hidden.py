@@ -14,6 +14,7 @@ from diagnosis.data.preparation import REACH_PERIODS, prepare
 from diagnosis.data.run import DEAD_ZONE, filter_cutoff
 from diagnosis.fit.normal_equations import fit
 from diagnosis.held_out.shrinkage import everything
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.hypothesis import design
 from identification.differentiation import differentiate
 from identification.inverse_dynamics import inverse_dynamics
@@ -43,7 +44,7 @@ def floor(nominal: Robot, twin: Sequence[Recording]) -> Array:
     """RMS (n,) N·m on the twin's hidden run, its last, of parameters alone, fitted to its other runs."""
     *given, hidden = twin
     prepared = prepare(nominal, {f"run_{index}": run for index, run in enumerate(given)})
-    fitted = fit(prepared, design(prepared))
+    fitted = fit(design(BaseRegressor(prepared)))
     count = len(nominal.parameters)
     parameters = nominal.parameters + fitted.values[:count]
     logged = prepared.runs[0].logged

@@ -6,7 +6,7 @@ import numpy as np
 
 from diagnosis.data.preparation import prepare
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from diagnosis.model.effect_sizes import times_healthy
 
@@ -44,7 +44,7 @@ def healthy_stage(arm, name):
     prepared = _prepared(arm)
     every = candidates(prepared, only=[name])
     of_joints = [next(c for c in every if c.family.joint == joint) for joint in range(arm.joints)]
-    return Stage.of(base_regressor(prepared), []), of_joints
+    return Stage.of(BaseRegressor(prepared), []), of_joints
 
 
 @once_per_robot

@@ -9,6 +9,7 @@ from diagnosis.data import mended_log, preparation
 from diagnosis.data.preparation import REACH_PERIODS, prepare
 from diagnosis.data.run import CUTOFF
 from diagnosis.diagnose import diagnose
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.hypothesis import design
 from diagnosis.report.summary import summary
 from identification.band import Bands
@@ -105,10 +106,10 @@ def test_a_narrow_band_costs_independent_samples_once(tmp_path, monkeypatch):
     """All joints are decimated for the widest band, so that where all are narrow fewer samples are kept."""
     arm = small_arm(tmp_path)
     logs = simulated_runs(arm, [])
-    wide = design(prepare(arm, logs))
+    wide = design(BaseRegressor(prepare(arm, logs)))
     bands = Bands(np.full(arm.joints, 0.4 * CUTOFF), np.zeros(arm.joints))
     monkeypatch.setattr(preparation, "joint_bands", lambda *_: bands)
-    narrow = design(prepare(arm, logs))
+    narrow = design(BaseRegressor(prepare(arm, logs)))
     kept = len(narrow.prepared.runs[0].time) / len(wide.prepared.runs[0].time)
     # Its longer filter reaches farther into the ends.
     assert kept == pytest.approx(0.4, rel=0.15)

@@ -9,6 +9,7 @@ from diagnosis.data.preparation import prepare
 from diagnosis.decision.attribution import Attribution
 from diagnosis.decision.harmful_effects import without_misleading
 from diagnosis.fit.normal_equations import fitted_to, on_whole_runs, squares
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from diagnosis.plausibility.accepted import Accepted
 
@@ -32,8 +33,8 @@ def _attribution(prepared, *effects):
     taken_in = tuple(
         Accepted(each, probability=1.0, rivals=(), score=100.0, share=0.8, worth=0.01) for each in effects
     )
-    first = fitted_to(prepared, [])
-    return Attribution(prepared, taken_in, *fitted_to(prepared, effects), first, (), (), ())
+    first = fitted_to(BaseRegressor(prepared), [])
+    return Attribution(prepared, taken_in, *fitted_to(BaseRegressor(prepared), effects), first, (), (), ())
 
 
 @pytest.mark.parametrize(("in_first_run", "kept"), [(1e-3, 0), (0.5, 1)])

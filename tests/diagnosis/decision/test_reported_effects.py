@@ -8,6 +8,7 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.decision.reported_effects import as_fitted_at_last, likely_faults
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from identification.parameters import COULOMB, PER_JOINT
 
@@ -23,7 +24,9 @@ def prepared(arm):
 @pytest.mark.parametrize(("share", "named"), [(0.12, True), (0.08, False)])
 def test_what_all_runs_together_make_no_larger_than_a_healthy_joints_has_no_name(arm, prepared, share, named):
     taken_in = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 0)
-    hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, 1)], accepted=[taken_in])
+    hypothesis = SimpleNamespace(
+        prepared=prepared, base=BaseRegressor(prepared), parts=[slice(0, 1)], accepted=[taken_in]
+    )
     fitted = SimpleNamespace(values=np.array([share * arm.parameters[COULOMB]]), wald=lambda part: 100.0)
     (item,) = as_fitted_at_last(arm, hypothesis, fitted, [accepted_of(taken_in)])
     assert item.named == named
@@ -33,7 +36,9 @@ def _likely(arm, prepared, shares, shifts=(0.0, 0.0)):
     """Stribeck friction of both joints, each so much of its Coulomb friction, as likely as it is a fault."""
     friction = candidates(prepared, only=["stribeck_friction"])
     both = [next(c for c in friction if c.family.joint == joint) for joint in range(2)]
-    hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, 1), slice(1, 2)], accepted=both)
+    hypothesis = SimpleNamespace(
+        prepared=prepared, base=BaseRegressor(prepared), parts=[slice(0, 1), slice(1, 2)], accepted=both
+    )
     coulomb = arm.parameters[COULOMB::PER_JOINT]
     fitted = SimpleNamespace(values=np.array(shares) * coulomb)
     accepted = [replace(accepted_of(c), shift=shift) for c, shift in zip(both, shifts, strict=True)]
@@ -59,7 +64,9 @@ def test_parameters_brought_back_from_where_another_effect_moved_them_are_no_evi
 @pytest.mark.parametrize(("wald", "named"), [(4.0, False), (25.0, True)])
 def test_what_later_effects_leave_nothing_of_has_no_name(arm, prepared, wald, named):
     taken_in = next(c for c in candidates(prepared, only=["stribeck_friction"]) if c.family.joint == 0)
-    hypothesis = SimpleNamespace(prepared=prepared, parts=[slice(0, 1)], accepted=[taken_in])
+    hypothesis = SimpleNamespace(
+        prepared=prepared, base=BaseRegressor(prepared), parts=[slice(0, 1)], accepted=[taken_in]
+    )
     fitted = SimpleNamespace(values=np.array([arm.parameters[COULOMB]]), wald=lambda part: wald)
     (item,) = as_fitted_at_last(arm, hypothesis, fitted, [accepted_of(taken_in)])
     assert item.named == named

@@ -10,6 +10,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.fit.encoder_zeros import likeliest_zero
 from diagnosis.fit.linearisation import first_linearised, linearised_anew
 from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from diagnosis.report.document import write_diagnosis
 from diagnosis.search import growth
@@ -38,7 +39,7 @@ def _runs(crane, offset, runs=3):
 @pytest.mark.parametrize("degrees", [-20, -6, 4, 11])
 def test_a_zero_that_lies_degrees_off_is_found_with_its_joint(crane, degrees):
     offset = np.deg2rad(degrees)
-    hypothesis, fitted = fitted_to(prepare(crane, _runs(crane, offset)), [])
+    hypothesis, fitted = fitted_to(BaseRegressor(prepare(crane, _runs(crane, offset))), [])
     found = likeliest_zero(hypothesis, fitted)
     assert found is not None
     assert found.joint == LIFT
@@ -47,7 +48,7 @@ def test_a_zero_that_lies_degrees_off_is_found_with_its_joint(crane, degrees):
 
 
 def test_a_healthy_robot_has_its_zeros_where_the_model_has_them(crane):
-    assert likeliest_zero(*fitted_to(prepare(crane, _runs(crane, 0.0)), [])) is None
+    assert likeliest_zero(*fitted_to(BaseRegressor(prepare(crane, _runs(crane, 0.0))), [])) is None
 
 
 def test_an_offset_that_is_far_from_small_is_exact(crane):
@@ -55,7 +56,7 @@ def test_an_offset_that_is_far_from_small_is_exact(crane):
     prepared = first_linearised(prepare(crane, _runs(crane, offset)))
     assert prepared.zeros[LIFT] == pytest.approx(offset, abs=np.deg2rad(0.5))
     own = [each for each in candidates(prepared, only=["encoder_offset"]) if each.family.joint == LIFT]
-    hypothesis, fitted = linearised_anew(*linearised_anew(*fitted_to(prepared, own)))
+    hypothesis, fitted = linearised_anew(*linearised_anew(*fitted_to(BaseRegressor(prepared), own)))
     assert fitted.values[-1] == pytest.approx(offset, abs=np.deg2rad(0.5))
     run, known = hypothesis.prepared.runs[0].logged, hypothesis.prepared.zeros[LIFT]
     moved = hypothesis.accepted[0].member.columns[0][:, :, 0] * known

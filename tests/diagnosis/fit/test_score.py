@@ -10,7 +10,7 @@ from diagnosis.data.preparation import prepare
 from diagnosis.fit.bounded import solve
 from diagnosis.fit.normal_equations import fitted_to, squares
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from diagnosis.model.gram import Bank
 from diagnosis.model.hypothesis import scaled_precision
@@ -28,7 +28,7 @@ def stage(tmp_path_factory):
     arm = small_arm(tmp_path_factory.mktemp("arm"))
     fault = parse_injection(arm, "stribeck_friction:shoulder:extra=1.2,velocity=0.2")
     prepared = prepare(arm, simulated_runs(arm, [fault], runs=3))
-    return Stage(base_regressor(prepared), *fitted_to(prepared, []))
+    return Stage.of(BaseRegressor(prepared), [])
 
 
 def base_rows(base, fold, joint):
@@ -118,10 +118,10 @@ def test_gains_beside_what_is_at_a_bound_are_those_of_solving_anew(stage, place)
     (bounded, *_), others = (
         candidates(stage.prepared, only=[name]) for name in ("stribeck_friction", "load_dependent_friction")
     )
-    free = np.sort(fitted_to(stage.prepared, [bounded])[1].apart[:, -1])
+    free = np.sort(fitted_to(stage.base, [bounded])[1].apart[:, -1])
     upper = np.mean([free[place], free[place - 1] if place else 0.0], keepdims=True)
     bounded = replace(bounded, member=replace(bounded.member, upper=upper))
-    beside = Stage(stage.base, *fitted_to(stage.prepared, [bounded]))
+    beside = Stage.of(stage.base, [bounded])
     assert np.sum(beside.fitted.apart[:, -1] > (1 - 1e-9) * upper) == len(free) - place
     for candidate in others:
         gain, (_, compared) = beside.gain(candidate), beside.compared(candidate)

@@ -12,6 +12,7 @@ from diagnosis.data.run import Prepared
 from diagnosis.diagnose import diagnose
 from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.torque_alignment import aligned, lateness
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.report import notes
 from testbench.effects import parse_injection
 from testbench.log import Recording
@@ -30,7 +31,7 @@ def _late(runs: dict[str, Recording], samples: int) -> dict[str, Recording]:
 
 def _timing(prepared: Prepared) -> tuple[float, float]:
     """How late the torque is, s, by the unknown timing, and its deviation."""
-    hypothesis, fitted = fitted_to(prepared, [])
+    hypothesis, fitted = fitted_to(BaseRegressor(prepared), [])
     place = hypothesis.timing
     return float(fitted.values[place]), float(np.sqrt(fitted.covariance[place, place]))
 

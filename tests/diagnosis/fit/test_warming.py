@@ -9,6 +9,7 @@ from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
 from diagnosis.fit.likeliest_shapes import at_likeliest_shape
 from diagnosis.fit.normal_equations import fitted_to
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from testbench.log import Recording
 from testbench.robot import Robot
@@ -59,7 +60,7 @@ def test_the_way_it_warms_is_chosen_again_beside_all_that_acts(arm, cold):
         for each in candidates(prepared, only=["thermal_friction_drift"])
         if each.family.joint == ELBOW and _shape(each.member.shape) == (20.0, 1.0, 0.0)
     )
-    found = at_likeliest_shape(arm, *fitted_to(prepared, [taken_in]), 0)
+    found = at_likeliest_shape(arm, *fitted_to(BaseRegressor(prepared), [taken_in]), 0)
     time_constant, even, paused = _shape(found.member.shape)
     assert (even, paused) == (0.0, 1.0)
     assert time_constant == pytest.approx(30.0, rel=0.2)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from diagnosis.data.preparation import prepare
-from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
 from diagnosis.held_out.folds import covered, covered_for
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from diagnosis.model.gram import Bank
 from identification.parameters import ARMATURE, COULOMB
@@ -74,7 +73,7 @@ def test_a_run_that_alone_shows_an_effect_is_left_out_in_parts(arm, acts, folds)
     faults = [parse_injection(arm, "backlash:elbow:gap=0.002")] if acts else []
     runs = simulated_runs(arm, [], runs=3)
     prepared = prepare(arm, runs | {"run_1": simulated_runs(arm, faults, runs=3)["run_1"]})
-    stage = Stage(base_regressor(prepared), *fitted_to(prepared, []))
+    stage = Stage.of(BaseRegressor(prepared), [])
     (play,) = (
         each
         for each in candidates(prepared, only=["backlash"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis.data.preparation import prepare
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidate, candidates
 from diagnosis.model.effect_sizes import (
     is_beyond_healthy,
@@ -38,7 +38,7 @@ def test_bristles_bear_all_of_a_joints_coulomb_friction(tmp_path, share, is_name
         key=lambda each: each.member.shape["displacement"],
     )
     level = share * arm.parameters.reshape(arm.joints, -1)[softest.family.joint, COULOMB]
-    torque = base_regressor(prepared).torque_rms
+    torque = BaseRegressor(prepared).torque_rms
     assert is_beyond_healthy(arm, torque, softest, np.array([level])) == is_named
 
 
@@ -160,7 +160,7 @@ def test_what_is_late_by_less_than_a_share_of_a_sample_is_the_logs(
         key=lambda c: abs(quantities(slow, np.full(lag.count, c))[parameter].value - samples * 0.01),
     )
     assert (
-        is_beyond_healthy(arm, base_regressor(prepared).torque_rms, slow, np.full(lag.count, wanted))
+        is_beyond_healthy(arm, BaseRegressor(prepared).torque_rms, slow, np.full(lag.count, wanted))
         == expected
     )
 
@@ -174,7 +174,7 @@ def test_bristles_of_a_few_counts_of_an_encoder_are_the_encoders(tmp_path, count
         bristles, position_step=np.full(arm.joints, bristles.member.shape["displacement"] / counts)
     )
     level = np.array([arm.parameters[COULOMB]])
-    assert is_beyond_healthy(arm, base_regressor(prepared).torque_rms, coarse, level) == expected
+    assert is_beyond_healthy(arm, BaseRegressor(prepared).torque_rms, coarse, level) == expected
 
 
 @pytest.mark.parametrize(
@@ -186,5 +186,5 @@ def test_a_payload_is_one_for_the_arm_that_carries_it(tmp_path, last, kilograms,
     (payload,) = candidates(prepared, only=["payload"])
     coefficients = np.zeros(payload.count)
     coefficients[MASS] = kilograms
-    torque = base_regressor(prepared).torque_rms
+    torque = BaseRegressor(prepared).torque_rms
     assert is_beyond_healthy(arm, torque, payload, coefficients) == expected

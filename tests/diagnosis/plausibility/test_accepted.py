@@ -6,7 +6,7 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from diagnosis.plausibility.accepted import (
     is_rest,
@@ -40,7 +40,7 @@ def test_two_laws_of_position_are_none_unless_one_all_but_explains_the_joint(
     one, other = (next(c for c in candidates(prepared, only=[name]) if c.family.joint == 1) for name in names)
     found = without_rests([replace(accepted_of(one), share=share), replace(accepted_of(other), share=0.7)])
     assert [each.candidate.family.effect for each in found] == names[:kept]
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     assert [each.joint for each in laws_of_position(stage, stage, found)] == joints
 
 

@@ -7,9 +7,8 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.fit.likelihood import Weighed
-from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from diagnosis.plausibility.materiality import is_material
 from diagnosis.search.growth import attribute
@@ -23,7 +22,7 @@ from ..certain_gain import certain, healthy_stage, of_size, squares
 def _weighed(arm, text, shape):
     """The stage without effects of runs with this fault, and the fault's own candidate there."""
     prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3))
-    stage = Stage(base_regressor(prepared), *fitted_to(prepared, []))
+    stage = Stage.of(BaseRegressor(prepared), [])
     name = text.split(":")[0]
     own = [c for c in candidates(prepared, only=[name]) if c.family.joint == 0 and shape(c.member)]
     gains = [gain for c in own if (gain := stage.gain(c)) is not None]
@@ -114,8 +113,8 @@ def test_a_lag_of_more_than_a_sample_is_a_drives(tmp_path, seconds, expected):
 def test_an_elasticity_may_show_at_the_joints_that_bear_its_link_alone(tmp_path, encoders, expected):
     arm = small_arm(tmp_path)
     prepared = prepare(arm, simulated_runs(arm, [], runs=2))
-    little = 0.01 * base_regressor(prepared).torque_rms
-    stage = Stage.of(base_regressor(replace(prepared, encoder_torque=encoders * little)), [])
+    little = 0.01 * BaseRegressor(prepared).torque_rms
+    stage = Stage.of(BaseRegressor(replace(prepared, encoder_torque=encoders * little)), [])
     own = next(c for c in candidates(stage.prepared, only=["joint_elasticity"]) if c.family.joint == 1)
     squared = np.array([1.0, 0.0]) * squares(stage, 0.01)
     known = replace(certain(stage, own, 0.4, squared), prior=stage.prior)
@@ -130,7 +129,7 @@ def test_torque_that_is_late_at_all_joints_is_a_delay_whatever_the_parameters_ma
     arm = small_arm(tmp_path)
     late = parse_injection(arm, f"torque_delay::delay={delay}")
     prepared = prepare(arm, simulated_runs(arm, [late], runs=2))
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     gain = stage.gain(candidates(prepared, only=["torque_delay"])[0])
     against = replace(gain, prior=stage.prior - 0.5, held_out=squares(stage, 0.004))
     assert is_material(arm, stage, Weighed(against, 30.0)) == expected

@@ -10,9 +10,9 @@ import pytest
 from diagnosis.data.preparation import prepare
 from diagnosis.data.run import Prepared
 from diagnosis.diagnose import diagnose
-from diagnosis.fit.normal_equations import fitted_to, squares
+from diagnosis.fit.normal_equations import squares
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import Candidate, candidates
 from diagnosis.model.free_functions import generic_candidates
 from diagnosis.model.gram import Bank
@@ -38,7 +38,7 @@ def with_pushes(folder: Path, pushes: dict[str, str]) -> Prepared:
 
 def _sought(prepared: Prepared, accepted: Sequence[Candidate] = ()):
     """The stage that has these effects, and the push that is seen beside them."""
-    stage = Stage(base_regressor(prepared), *fitted_to(prepared, accepted))
+    stage = Stage.of(BaseRegressor(prepared), accepted)
     return stage, contact(stage, Bank(stage.base, generic_candidates(prepared)))
 
 
@@ -49,7 +49,7 @@ def pushed(tmp_path_factory):
 
 @pytest.mark.parametrize(("left", "expected"), [((0.1, 0.1), True), ((0.1, 1.0), False), ((1.0, 0.1), False)])
 def test_it_must_explain_the_bursts_of_all_joints(pushed, left, expected):
-    stage = Stage(base_regressor(pushed), *fitted_to(pushed, []))
+    stage = Stage.of(BaseRegressor(pushed), [])
     residual = tuple(run * left for run in stage.fitted.residual)
     assert explains_all_bursts(stage, replace(stage.fitted, residual=residual)) == expected
 

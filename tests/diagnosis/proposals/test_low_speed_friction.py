@@ -12,9 +12,8 @@ from diagnosis.correction.prediction import predict_torque
 from diagnosis.data.preparation import prepare
 from diagnosis.data.run import Prepared
 from diagnosis.diagnose import diagnose
-from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.gram import Bank
 from diagnosis.proposals.low_speed_friction import (
     GUESSED,
@@ -51,7 +50,7 @@ def _soft(arm: Robot, faults: tuple[str, ...] = ()) -> dict[str, Recording]:
 
 def _found(prepared: Prepared) -> NearRest:
     """What is soft beside re-identification alone, were there no effects to rival it."""
-    stage = Stage(base_regressor(prepared), *fitted_to(prepared, []))
+    stage = Stage.of(BaseRegressor(prepared), [])
     proposed = lead_candidates(prepared), soft_candidates(prepared)
     banks = [Bank(stage.base, each) for each in proposed]
     return near_rest(stage, [], *banks) or NearRest()

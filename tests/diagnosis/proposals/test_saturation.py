@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.effect_sizes import quantities
 from diagnosis.model.free_functions import generic_candidates
 from diagnosis.model.gram import Bank
@@ -67,7 +67,7 @@ def test_a_limit_is_found_that_a_command_running_away_leaps_over(arm):
         torque[away, 1] = 3 * most * np.sign(torque[away, 1])
         runs[name] = replace(run, torque=torque, torque_command=None)
     prepared = prepare(arm, runs)
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     # None is tried near the limit itself.
     tried = [each for each in cuts(prepared)[1] if not 0.7 * most < each.limit < 2 * most]
     found = saturation(stage, Bank(stage.base, generic_candidates(prepared, [])), [[], tried])
@@ -91,7 +91,7 @@ def test_a_limit_is_one_that_one_run_alone_passes_both_ways_in_quick_turn(arm):
     assert 0.05 < np.mean(beyond != 0) < 0.3
     runs["swing"] = replace(swung, torque=torque, torque_command=None)
     prepared = prepare(arm, runs)
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     found = saturation(stage, Bank(stage.base, generic_candidates(prepared, [])), cuts(prepared))
     assert found is not None
     assert found.candidate.family.joint == 1

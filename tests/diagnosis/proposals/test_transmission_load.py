@@ -10,7 +10,7 @@ from diagnosis.fit.likelihood import weigh
 from diagnosis.fit.linearisation import first_linearised, linearised_anew
 from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from diagnosis.model.gram import Bank
 from diagnosis.proposals.transmission_load import linearised_until_settled, refined_again
@@ -31,7 +31,7 @@ def resonant(arm):
     """A gearbox that resonates with its link at 5 Hz, found at loads that a gain error bends."""
     runs = simulated_runs(arm, [parse_injection(arm, each) for each in EFFECTS], runs=3)
     prepared = first_linearised(prepare(arm, runs))
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     soft = [c for c in candidates(prepared, only=["joint_elasticity"]) if c.family.joint == ELBOW]
     weighed = weigh(stage, Bank(stage.base, soft))
     chosen = choose(arm, stage, weighed, weighed)
@@ -53,11 +53,11 @@ def test_a_soft_gearbox_and_its_load_are_settled_together(arm, resonant):
     assert _off(*settled) < 0.03
 
 
-def test_a_soft_gearbox_is_sought_again_when_something_else_is_taken_in(arm, resonant):
+def test_a_soft_gearbox_is_searched_for_again_when_something_else_is_taken_in(arm, resonant):
     gain = next(
         c for c in candidates(resonant[0].prepared, only=["torque_gain_error"]) if c.family.joint == 0
     )
-    beside = fitted_to(resonant[0].prepared, [*resonant[0].accepted, gain])
+    beside = fitted_to(resonant[0].base, [*resonant[0].accepted, gain])
     assert _off(*linearised_anew(*beside)) > 0.05
     hypothesis, fitted = linearised_until_settled(arm, *beside)
     assert _off(hypothesis, fitted) < 0.02
@@ -68,6 +68,6 @@ def test_what_shows_nothing_on_other_ground_stays_as_it_was(arm):
     prepared = prepare(arm, simulated_runs(arm, []))
     play = candidates(prepared, only=["backlash"])[0]
     unmoved = replace(play, filtered=tuple(np.zeros_like(run) for run in play.filtered))
-    hypothesis, fitted = refined_again(arm, *fitted_to(prepared, [unmoved]))
+    hypothesis, fitted = refined_again(arm, *fitted_to(BaseRegressor(prepared), [unmoved]))
     assert hypothesis.accepted == (unmoved,)
     assert fitted.values[-1] == 0.0

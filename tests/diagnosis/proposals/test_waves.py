@@ -7,7 +7,7 @@ from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
 from diagnosis.fit.linearisation import first_linearised
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from diagnosis.proposals.ripple_peaks import ripple_candidates
 from testbench.effects import parse_injection
@@ -84,7 +84,7 @@ def test_ripples_are_picked_anew_once_a_far_larger_effect_is_known(arm):
     prepared = first_linearised(prepare(arm, simulated_runs(arm, [lag, small], runs=3)))
     catalogue = [each for each in candidates(prepared, only=[RIPPLE]) if each.family.joint == 1]
     lags = [each for each in candidates(prepared, only=["actuator_lag"]) if each.family.joint == 1]
-    first = Stage.of(base_regressor(prepared), [])
+    first = Stage.of(BaseRegressor(prepared), [])
     best = max(filter(None, map(first.gain, lags)), key=lambda gain: gain.objective)
     beside = Stage.of(first.base, [best.candidate])
     anew = [each for each in ripple_candidates(first, beside) if each.family.joint == 1]

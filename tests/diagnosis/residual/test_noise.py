@@ -8,6 +8,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from diagnosis.data.preparation import prepare
 from diagnosis.data.run import Prepared
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.residual.noise import noise
 from testbench.log import Recording
 from testbench.robot import Robot
@@ -33,8 +34,8 @@ def _passed(prepared: Prepared) -> np.ndarray:
 def test_white_noise_of_the_torque_is_the_floor(arm):
     prepared = prepare(arm, _recorded(arm))
     # By chance .6 % (three runs of 85 segments, 42 frequencies), and some corner fits a white spectrum best.
-    assert noise(prepared).seen.all()
-    assert noise(prepared).rms == pytest.approx(_passed(prepared), rel=0.05)
+    assert noise(BaseRegressor(prepared)).seen.all()
+    assert noise(BaseRegressor(prepared)).rms == pytest.approx(_passed(prepared), rel=0.05)
 
 
 def test_torque_that_is_zero_at_rest_has_the_floor_of_what_was_measured(arm):
@@ -47,14 +48,14 @@ def test_torque_that_is_zero_at_rest_has_the_floor_of_what_was_measured(arm):
         return replace(run, torque=torque)
 
     prepared = prepare(arm, {name: rested(run) for name, run in recorded.items()})
-    assert noise(prepared).rms == pytest.approx(_passed(prepared), rel=0.2)
+    assert noise(BaseRegressor(prepared)).rms == pytest.approx(_passed(prepared), rel=0.2)
 
 
 def test_noise_of_encoders_far_above_the_motion_is_no_floor(arm):
     """Differentiated twice it is most of the residual at 40 Hz, and next to nothing below the low-pass."""
     prepared = prepare(arm, _recorded(arm, encoder_bits=18))
     # The drive answers the encoders, too: that torque is real, and white.
-    assert np.all(noise(prepared).rms < 2 * _passed(prepared))
+    assert np.all(noise(BaseRegressor(prepared)).rms < 2 * _passed(prepared))
 
 
 def test_torque_that_was_low_passed_hides_its_noise(arm):
@@ -65,5 +66,5 @@ def test_torque_that_was_low_passed_hides_its_noise(arm):
         for name, run in _recorded(arm, encoder_bits=18).items()
     }
     prepared = prepare(arm, low_passed)
-    assert np.all(noise(prepared).rms > _passed(prepared))
-    assert not noise(prepared).seen.any()
+    assert np.all(noise(BaseRegressor(prepared)).rms > _passed(prepared))
+    assert not noise(BaseRegressor(prepared)).seen.any()

@@ -10,9 +10,8 @@ from scipy.interpolate import CubicSpline
 from diagnosis.data.preparation import prepare
 from diagnosis.diagnose import diagnose
 from diagnosis.fit.likelihood import Weighed
-from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import FREE
 from diagnosis.model.free_functions import RUN_TIME, generic_candidates
 from diagnosis.model.gram import Bank
@@ -31,7 +30,7 @@ SLOWER = 20
 
 def _unclaimed(arm, runs):
     prepared = prepare(arm, runs)
-    stage = Stage(base_regressor(prepared), *fitted_to(prepared, []))
+    stage = Stage.of(BaseRegressor(prepared), [])
     free = Bank(stage.base, generic_candidates(prepared))
     left = np.sqrt(stage.held_squares / stage.counts) / stage.base.torque_rms
     return unclaimed(stage, stage, free), left
@@ -109,7 +108,7 @@ def test_noise_is_nothing_however_large(tmp_path):
 def test_a_function_that_all_runs_fit_by_chance_predicts_by_chance(tmp_path, monkeypatch, wald, expected):
     arm = small_arm(tmp_path)
     prepared = prepare(arm, simulated_runs(arm, [], runs=3))
-    stage, free = Stage(base_regressor(prepared), *fitted_to(prepared, [])), generic_candidates(prepared)
+    stage, free = Stage.of(BaseRegressor(prepared), []), generic_candidates(prepared)
     own = next(c for c in free if c.family.effect == FREE + RUN_TIME and c.family.joint == 0)
     assert 10 < own.count < wald
     stage.held_squares = squares(stage, 0.1)

@@ -4,9 +4,8 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.fit.likelihood import log_likelihood, weigh
-from diagnosis.fit.normal_equations import fitted_to
 from diagnosis.fit.score import Stage
-from diagnosis.model.base_regressor import base_regressor
+from diagnosis.model.base_regressor import BaseRegressor
 from diagnosis.model.candidates import candidates
 from diagnosis.model.gram import Bank
 from diagnosis.proposals import laws
@@ -20,7 +19,7 @@ from ...diagnosed import simulated_runs
 def test_what_fits_a_joint_best_is_listed_though_it_was_not_material(arm):
     cable = parse_injection(arm, "cable_spring:elbow:stiffness=2,rest=0.4")
     prepared = prepare(arm, simulated_runs(arm, [cable]))
-    stage = Stage(base_regressor(prepared), *fitted_to(prepared, []))
+    stage = Stage.of(BaseRegressor(prepared), [])
     springs = candidates(prepared, only=["cable_spring", "gravity_spring"])
     open_ = weigh(stage, Bank(stage.base, [each for each in springs if each.family.joint == 1]))
     material = [each for each in open_ if each.candidate.family.effect == "gravity_spring"]
@@ -35,7 +34,7 @@ def test_what_left_out_runs_leave_at_the_wrong_shape_is_moved_by_all_runs_togeth
     """Or another spring of the joint would explain what the wrong shape leaves."""
     cable = parse_injection(arm, "cable_spring:elbow:law=hysteretic,stiffness=3,rest=0.4")
     prepared = prepare(arm, simulated_runs(arm, [cable], runs=3))
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     cables = [each for each in candidates(prepared, only=["cable_spring"]) if each.family.joint == 1]
     (proposed,) = weigh(stage, Bank(stage.base, cables))
     # Left-out runs look no further than this.
@@ -52,7 +51,7 @@ def test_whose_gain_is_off_is_told_by_all_runs_together(arm, joint, relative):
     """At one of two joints it makes up for the other's: left-out runs may take the wrong one for likelier."""
     fault = parse_injection(arm, f"torque_gain_error:{joint}:relative={relative}")
     prepared = prepare(arm, simulated_runs(arm, [fault], runs=3))
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     gains = weigh(stage, Bank(stage.base, candidates(prepared, only=["torque_gain_error"])))
     chosen = choose(arm, stage, gains, gains)
     assert chosen is not None
@@ -64,7 +63,7 @@ def test_whose_gain_is_off_is_told_by_all_runs_together(arm, joint, relative):
 def test_which_error_an_encoder_has_is_told_by_all_runs_together(arm, monkeypatch):
     """Where a joint turns little, an eccentric encoder has most of an offset in it, and one unknown more."""
     prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, "encoder_offset:elbow:offset=0.03")]))
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     errors = candidates(prepared, only=["encoder_offset", "encoder_eccentricity"])
     weighed = weigh(stage, Bank(stage.base, [each for each in errors if each.family.joint == 1]))
 
@@ -82,7 +81,7 @@ def test_which_error_an_encoder_has_is_told_by_all_runs_together(arm, monkeypatc
 def test_a_delay_in_the_place_of_the_timing_is_told_by_all_runs_together(arm, monkeypatch, name, is_told):
     """Left-out runs may be predicted worse by it: the prior keeps the timing alone near its size."""
     prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, "torque_delay::delay=0.004")]))
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     weighed = weigh(stage, Bank(stage.base, candidates(prepared, only=[name])))[:1]
     # The more that was taken in, the worse.
     monkeypatch.setattr(shortlist, "log_likelihood", lambda hypothesis, _: -99.0 * len(hypothesis.accepted))
@@ -97,7 +96,7 @@ def test_what_bends_all_parameters_is_told_by_all_runs_where_left_out_ones_lose(
     prepared = prepare(
         arm, simulated_runs(arm, [parse_injection(arm, "torque_gain_error:elbow:relative=0.2")])
     )
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     weighed = weigh(stage, Bank(stage.base, candidates(prepared, only=["torque_gain_error"])))[:1]
     monkeypatch.setattr(shortlist, "log_likelihood", lambda hypothesis, _: -99.0 * len(hypothesis.accepted))
     monkeypatch.setattr(shortlist, "log_posterior", lambda hypothesis, _: evidence * len(hypothesis.accepted))
@@ -109,7 +108,7 @@ def test_a_spring_that_hardens_is_found_by_its_own_law(arm, stiffness, doubling)
     law = "law=two_mass" if doubling is None else f"law=hardening,doubling_windup={doubling}"
     spring = parse_injection(arm, f"joint_elasticity:elbow:stiffness={stiffness},damping=0.2,{law}")
     prepared = prepare(arm, simulated_runs(arm, [spring], runs=3))
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     weighed = weigh(stage, Bank(stage.base, candidates(prepared, only=["joint_elasticity"])))
     chosen = choose(arm, stage, weighed, weighed)
     assert chosen is not None
@@ -131,7 +130,7 @@ def test_a_spring_that_hardens_is_found_by_its_own_law(arm, stiffness, doubling)
 )
 def test_a_joint_that_is_late_alone_lags_and_may_be_late(arm, fault, without, rivals):
     prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, fault)], runs=3))
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     weighed = weigh(stage, Bank(stage.base, candidates(prepared, only=["actuator_lag"])))
     chosen = choose(arm, stage, weighed[:1], weighed, without)
     assert chosen is not None
@@ -153,7 +152,7 @@ def test_a_cable_hardens_where_no_line_will_do(arm, law, found):
     prepared = prepare(
         arm, simulated_runs(arm, [parse_injection(arm, f"cable_spring:elbow:rest=0.4,{law}")], runs=3)
     )
-    stage = Stage.of(base_regressor(prepared), [])
+    stage = Stage.of(BaseRegressor(prepared), [])
     every = candidates(prepared, only=["cable_spring"])
     hoses = [each for each in every if each.family.joint == 1 and each.member.law == "hardening"]
     weighed = weigh(stage, Bank(stage.base, hoses))
