@@ -70,8 +70,8 @@ class ModelFit:
         speed, acceleration = (
             np.maximum(np.sqrt(np.mean(each**2, axis=0)), SLOWEST) for each in (samples.dq, samples.ddq)
         )
-        self.widths = _with_any_friction(
-            robot, parameter_widths(robot.parameters, self.typical, speed, acceleration), speed
+        self.widths = _with_any_drive(
+            robot, parameter_widths(robot.parameters, self.typical, speed, acceleration), speed, acceleration
         )
         friction = np.stack([robot.parameters, self.widths]).reshape(2, -1, PER_JOINT)[
             :, : robot.joints, COULOMB
@@ -178,18 +178,19 @@ class ModelFit:
         return _Products(joints, tuple(grams), torque_products, model_products, *figures)
 
 
-def _with_any_friction(robot: Robot, widths: Array, speed: Array) -> Array:
-    """The widths (14 links,) with friction that the model only guesses as wide as that of a drive may be.
+def _with_any_drive(robot: Robot, widths: Array, speed: Array, acceleration: Array) -> Array:
+    """The widths (14 links,) where friction and rotors that the model only guesses are as wide as a drive's.
 
-    It is a guess where the model has none, or the same number for drives of different torque limits. speed:
-    (n,) rad/s (m/s), typical.
+    They are a guess where the model has none, or the same number for drives of different torque limits.
+    speed, acceleration: (n,) rad/s and rad/s² (m/s and m/s²), typical.
     """
     n, limit = robot.joints, np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 0.0)
     table, wide = (each.reshape(-1, PER_JOINT).copy() for each in (robot.parameters, widths))
-    for column, of_drive in ((COULOMB, COULOMB_SHARE * limit), (VISCOUS, COULOMB_SHARE * limit / speed)):
+    for column, unit in ((COULOMB, np.ones(n)), (VISCOUS, speed), (ARMATURE, acceleration)):
         given = table[:n, column]
         is_guess = (given == 0) | (np.ptp(given) == 0 < np.ptp(limit))
-        wide[:n, column] = np.where(is_guess, np.maximum(wide[:n, column], of_drive), wide[:n, column])
+        of_drive = np.where(is_guess, COULOMB_SHARE * limit / unit, 0.0)
+        wide[:n, column] = np.maximum(wide[:n, column], of_drive)
     return wide.ravel()
 
 

@@ -202,15 +202,15 @@ def test_a_convention_does_not_choose_the_samples_that_it_is_judged_by(tmp_path)
 
 
 @pytest.mark.parametrize("guess", [0.0, 0.05])
-def test_friction_that_a_model_only_guesses_is_no_other_unit_of_torque(tmp_path, guess):
+def test_friction_and_rotors_that_a_model_only_guesses_are_no_other_unit_of_torque(tmp_path, guess):
     """A tenth of the drives' torque, by a model that has none, or the same at all joints."""
     (tmp_path / "scara.xml").write_text(SCARA)
     robot = load_robot(tmp_path / "scara.xml")
     table = robot.parameters.reshape(-1, PER_JOINT).copy()
-    table[:, [VISCOUS, COULOMB]] = guess
-    model = replace(robot, parameters=table.ravel().copy())
     table[:, COULOMB] = 0.1 * robot.limits.torque / 0.3  # of which the logs have a third
-    logs = _in_turn(replace(robot, parameters=table.ravel()), 0, 1)
+    logs = _in_turn(replace(robot, parameters=table.ravel().copy()), 0, 1)
+    table[:, [ARMATURE, VISCOUS, COULOMB]] = guess
+    model = replace(robot, parameters=table.ravel())
     assert "torque_scale" not in _found(model, *logs)
     in_millinewton = [replace(each, torque=1000 * each.torque) for each in logs]
     assert _found(model, *in_millinewton)["torque_scale"][0] is Severity.STOP
