@@ -12,7 +12,7 @@ run: $(STAMP)
 test: $(STAMP)
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-# SEED=7 repeats a run of which a fault was told.
+# SEED=7 repeats a run that reported a fault.
 fuzz: $(STAMP)
 	$(BIN)/python -m tests.fuzz $(SEED)
 

@@ -86,8 +86,8 @@ def diagnose_prepared(
     only, gap = (only[0], replace(only[1], held_out=left[1])), _gap(prepared, final[0], left)
     unit = frozenset(map(robot.joint_names.index, barred_joints(log_findings)))
     found = _without_doubtful(found, supported, sines, unit)
-    found = _with_untold(found, gap, torque)
-    found, kept, gap = _of_joints_that_tell(found, kept, gap, supported, left)
+    found = _with_unnamed(found, gap, torque)
+    found, kept, gap = _of_joints_that_move(found, kept, gap, supported, left)
     effects = named_effects(found)
     verdict, sentence = _said(found, gap, [effect for _, effect in effects], torque, barred)
     reported = effects if verdict == "effect" else []
@@ -125,17 +125,17 @@ def _said(
     return verdict, sentence_of(found.prepared.robot, verdict, effects, found.unknown, gap, torque)
 
 
-def _with_untold(found: Attribution, gap: Gap, torque: Array) -> Attribution:
+def _with_unnamed(found: Attribution, gap: Gap, torque: Array) -> Attribution:
     """The attribution with joints unknown whose gap is closed by effects that are not reported.
 
     torque: (n,) N·m of the joints.
     """
-    told = {each.joint for each in found.unknown}
-    untold = [each for each in closed_without_a_name(found.accepted, gap, torque) if each.joint not in told]
-    return replace(found, unknown=(*found.unknown, *untold))
+    known = {each.joint for each in found.unknown}
+    unnamed = [each for each in closed_without_a_name(found.accepted, gap, torque) if each.joint not in known]
+    return replace(found, unknown=(*found.unknown, *unnamed))
 
 
-def _of_joints_that_tell(
+def _of_joints_that_move(
     found: Attribution,
     kept: Kept,
     gap: Gap,

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 # Share of a joint's RMS torque that its encoders may seem to add: half a healthy drive's own noise.
 NOISE = 0.0025
-# Hz: elasticity and backlash are told by motion of up to 6 Hz.
+# Hz: elasticity and backlash show in motion of up to 6 Hz.
 LOWEST = 8.0
 # Differences of this order leave nothing of the motion in the part of the spectrum where noise is read.
 ORDER, QUIET, SEGMENT, FEWEST = 4, (0.25, 0.45), 256, 40

@@ -1,4 +1,4 @@
-"""The one error that means "the input is wrong", told in one line."""
+"""The one error that means "the input is wrong", said in one line."""
 
 from collections.abc import Iterable
 

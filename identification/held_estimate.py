@@ -48,14 +48,14 @@ def held_estimate(problem: Problem, estimator: str) -> Held:
     first = wls.estimate(weak).values
     weights = weak.residual_weights(first)
     noise = weak.row_noise(first, weights)
-    told = determination(weak, prior, weights, noise)
+    determined = determination(weak, prior, weights, noise)
     if estimator not in WITH_PRIOR:
-        return Held(estimate(problem, estimator), None, told)
+        return Held(estimate(problem, estimator), None, determined)
     chosen = shrinkage(
         fold_products(problem.observations, prior.mean), weights / noise, prior.precision, measures(problem)
     )
     held = replace(problem, prior=prior.of_strength(chosen.strength))
-    return Held(_scaled(held, estimate(held, estimator), prior, chosen.factor), chosen, told)
+    return Held(_scaled(held, estimate(held, estimator), prior, chosen.factor), chosen, determined)
 
 
 def motion_scales(problem: Problem) -> tuple[Array, Array, Array]:

@@ -233,9 +233,9 @@ class Problem:
             variance = self.row_noise(values, weights) ** 2
             precision = self.prior.precision / np.outer(norms, norms)
             held = bread + variance * self.prior.strength * precision
-            told = float(np.trace(np.linalg.solve(held, bread)))
+            known = float(np.trace(np.linalg.solve(held, bread)))
             change = norms * (values - self.prior.mean)
-            widening = max(1.0, float(change @ precision @ change) / max(told, 1.0))
+            widening = max(1.0, float(change @ precision @ change) / max(known, 1.0))
             bread, meat = held, meat + widening * (variance * self.prior.strength) ** 2 * precision
         inverse = np.linalg.inv(bread)
         covariance = inverse @ meat @ inverse / np.outer(norms, norms)

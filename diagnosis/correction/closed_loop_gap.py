@@ -48,7 +48,7 @@ class ForwardGap:
 def gap_as_given(
     robot: Robot, recordings: Mapping[str, Recording], jobs: int | None = None
 ) -> ForwardGap | None:
-    """The gap of the model as given alone, which needs no diagnosis; None where no log tells its loop.
+    """The gap of the model as given alone, which needs no diagnosis; None where no log has its loop.
 
     A run counts when it has a reference and a controller of a kind that the simulator knows. jobs: threads.
     """
@@ -65,7 +65,7 @@ def forward_gap(
     as_given: ForwardGap | None,
     jobs: int | None = None,
 ) -> ForwardGap | None:
-    """The gap of the model as given, re-identified, and corrected; None where no log tells its loop.
+    """The gap of the model as given, re-identified, and corrected; None where no log has its loop.
 
     as_given: of ``gap_as_given`` for the same recordings. jobs: threads.
     """
@@ -84,8 +84,8 @@ def _chosen(recordings: Mapping[str, Recording]) -> dict[str, Recording]:
     chosen: dict[str, Recording] = {}
     seconds = 0.0
     for name, recording in recordings.items():
-        told = _tells_its_loop(recording) and len(recording.time) > 2 * _edge(recording)
-        if told and (not chosen or seconds + _length(recording) <= MOST_SECONDS):
+        usable = _has_its_loop(recording) and len(recording.time) > 2 * _edge(recording)
+        if usable and (not chosen or seconds + _length(recording) <= MOST_SECONDS):
             chosen[name] = recording
             seconds += _length(recording)
     return chosen
@@ -119,7 +119,7 @@ def _with_stage(
     return replace(gap, motion=gap.motion | {name: motion}, torque=gap.torque | {name: torque})
 
 
-def _tells_its_loop(recording: Recording) -> bool:
+def _has_its_loop(recording: Recording) -> bool:
     controller = recording.controller
     return (
         controller is not None

@@ -64,7 +64,7 @@ def prepare(
     runs = tuple(filtered_run(robot, log, bands.cutoff, thinning) for log in logs)
     runs = tuple(replace(run, used=run.used & speaks) for run in runs)
     if not any(run.used.any() for run in runs):
-        expected = f"some joint faster than {DEAD_ZONE} rad/s (m/s): these logs cannot tell"
+        expected = f"some joint faster than {DEAD_ZONE} rad/s (m/s): these logs hold no motion"
         raise InputError("logs", "joint/position", expected, "all at rest, or too short a move")
     each = -(-FEWEST_FOLDS // len(runs))
     folds = tuple((index, part) for index, run in enumerate(runs) for part in blocks(len(run.time), each))

@@ -115,8 +115,8 @@ class Prepared:
     seems to add there. thinning: one in so many is kept of the samples that hold what was passed. standing:
     pairs of joints whose shared drive stands still at times: what holds any of that does not count there.
     lag: by which the logs had their torque late; it is as of the positions here. silent: joints whose torque
-    never changes, of which no sample counts. still: joints that stand still in all runs, which tell nothing
-    of them.
+    never changes, of which no sample counts. still: joints that stand still in all runs, of which nothing is
+    determined.
     """
 
     robot: Robot

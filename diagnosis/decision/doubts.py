@@ -14,7 +14,7 @@ from .findings import NamedEffect
 # Of a bound, relative: nearer than this a value is at it. Deviations within which a size may be none: 95 %.
 AT_BOUND, MAY_BE_NONE = 1e-3, 2.0
 NOT_PREDICTED = "fitted, but runs that were left out are predicted no better with it"
-AT_ITS_BOUND = "fitted, but at the bound of what it may be: these runs do not tell its size"
+AT_ITS_BOUND = "fitted, but at the bound of what it may be: these runs do not determine its size"
 UNCERTAIN = "fitted, but its size is within two of its own standard deviations"
 TOO_SHORT = "fitted, but the runs hold too few seconds of motion of every joint that it loads"
 SECOND = "fitted, beside a larger effect of its joint: a law that is nearly the joint's leaves as much"

@@ -113,7 +113,7 @@ class Gap:
         return self._closed(slice(None))
 
     @property
-    def told_closed(self) -> float | None:
+    def reported_closed(self) -> float | None:
         """The share that is closed; None where re-identified parameters leave little but noise."""
         closed, times = self.closed, np.sum(self.parameters) / max(float(np.sum(self.noise_floor)), 1e-300)
         if closed is None or times < LITTLE_BUT_NOISE:
@@ -216,7 +216,7 @@ class Diagnosis:
         return {run.name: run.lost for run in self.prepared.runs if run.lost}
 
     @property
-    def untold(self) -> tuple[int, ...]:
+    def too_little_motion(self) -> tuple[int, ...]:
         """The joints that move, but too little for an effect to be reported there, and where none is."""
         named = {joint for each in self.effects for joint in (each.joint, each.into)}
         others = named | self.prepared.silent | self.prepared.still

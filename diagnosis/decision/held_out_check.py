@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plausibility.accepted import Accepted
-from ..residual.shares import UNTOLD, Unclaimed
+from ..residual.shares import UNCERTAIN, Unclaimed
 from .findings import Gap
 
 Array = NDArray[np.float64]
@@ -29,4 +29,4 @@ def closed_without_a_name(accepted: Sequence[Accepted], gap: Gap, torque: Array)
     much = (closed > (CLOSED_TORQUE * torque) ** 2) & (share > CLOSED_SHARE)
     alike = {item.candidate.family.joint for item in accepted if item.is_everywhere}
     joints = [joint for joint in np.flatnonzero(much).tolist() if joint not in alike]
-    return tuple(Unclaimed(joint, UNTOLD, float(share[joint])) for joint in joints)
+    return tuple(Unclaimed(joint, UNCERTAIN, float(share[joint])) for joint in joints)

@@ -4,7 +4,7 @@ Every joint is a little imperfect, so an effect that was found may be one of its
 logarithm of its size, as a multiple of what healthy joints usually reach, two hypotheses are compared:
 
     healthy: x is about this robot's own level, by Student's t. The level is normal over robots, and the
-             same effect at the robot's other joints tells of it.
+             same effect at the robot's other joints shows it.
     fault:   x is uniform up to the largest sizes that are met.
 
     p / (1 - p) = PRIOR · f_fault(x) / f_healthy(x) · (e / (1 - e))^EXPLAINED

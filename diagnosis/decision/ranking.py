@@ -48,20 +48,20 @@ def named_effect(found: Attribution, index: int) -> NamedEffect:
     )
 
 
-def ranked(found: Attribution, told: Mapping[int, float]) -> tuple[RankedCandidate, ...]:
+def ranked(found: Attribution, reported: Mapping[int, float]) -> tuple[RankedCandidate, ...]:
     """All candidates that were considered, most probable first.
 
-    told: the probability of each effect that the verdict reports, by its place among the accepted ones.
+    reported: the probability of each effect that the verdict reports, by its place among the accepted ones.
     """
     considered = []
     for index, accepted in enumerate(found.accepted):
         family = accepted.candidate.family
         suspected = accepted.stated if accepted.is_suspected else 0.0
-        reason = "" if index in told else _why_not_told(found, accepted)
-        probability = told.get(index, suspected)
+        reason = "" if index in reported else _why_not_reported(found, accepted)
+        probability = reported.get(index, suspected)
         considered.append(_candidate(accepted.candidate, probability, accepted.share, reason))
         # Where a name is less certain, its rivals are as well.
-        certain = told.get(index, accepted.probability) / accepted.probability
+        certain = reported.get(index, accepted.probability) / accepted.probability
         for rival, among in accepted.rivals:
             less = f"less likely than {family.effect}"
             considered.append(_candidate(rival.candidate, certain * among, rival.score, less))
@@ -78,7 +78,7 @@ def _candidate(candidate: Candidate, probability: float, score: float, reason: s
     return RankedCandidate(family.effect, family.joint, family.into, probability, score, reason)
 
 
-def _why_not_told(found: Attribution, item: Accepted) -> str:
+def _why_not_reported(found: Attribution, item: Accepted) -> str:
     """Reason why an accepted effect is not reported in the verdict."""
     family = item.candidate.family
     if item.doubt:

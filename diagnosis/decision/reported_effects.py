@@ -50,7 +50,7 @@ def accepted_as(found: Found, stage: Stage, sized: Robot) -> Accepted:
     beyond = beyond and not is_how_runs_begin(stage.prepared, best.candidate)
     samples = stage.independent[list(best.candidate.member.rows)]
     # An effect of the whole robot shows at all joints.
-    told = samples.max() if best.candidate.family.joint is not None else samples.sum()
+    enough = samples.max() if best.candidate.family.joint is not None else samples.sum()
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(
         candidate=best.candidate,
@@ -60,7 +60,7 @@ def accepted_as(found: Found, stage: Stage, sized: Robot) -> Accepted:
         share=share,
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
         shift=gained_by_shift(stage, best.gain),
-        named=bool(beyond and told >= (FEWEST_OF_ALL if share > NEARLY_ALL else FEWEST_INDEPENDENT)),
+        named=bool(beyond and enough >= (FEWEST_OF_ALL if share > NEARLY_ALL else FEWEST_INDEPENDENT)),
     )
 
 
@@ -81,7 +81,7 @@ def likely_faults(
 ) -> list[Accepted]:
     """The accepted effects with their probabilities of being faults; those too improbable are not reported.
 
-    open_: effects that were not accepted, whose sizes tell as well how imperfect this robot's joints are.
+    open_: effects that were not accepted, whose sizes show as well how imperfect this robot's joints are.
     """
     prepared = hypothesis.prepared
     torque_rms = hypothesis.base.torque_rms

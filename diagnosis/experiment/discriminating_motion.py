@@ -52,7 +52,7 @@ BY_RUNS = "Where the model sets no limit, it keeps to what these runs reached."
 class NextExperiment:
     """Proposal of the next experiment. why: in words. file: the motion's, None if none helps.
 
-    separates: the effects that it tells apart, or "none" and those that it shows. separation: sqrt of the
+    separates: the effects that it distinguishes, or "none" and those that it shows. separation: sqrt of the
     smallest T of those that it shows, noise units, along the proposed motion. separation_now: likewise along
     the best of the runs at hand. excitation: the motion, or None.
     """
@@ -70,7 +70,7 @@ def next_experiment(diagnosis: Diagnosis, seed: int = 0) -> NextExperiment | Non
 
     Random feasible motions of several kinds, the best of them improved by a (1+1) evolution strategy. The
     same seed gives the same motion. Where a model sets too few limits, what the runs reached stands in for
-    them. Where no motion tells them apart, or none can be designed, only the words say what to do. Where a
+    them. Where no motion distinguishes them, or none can be designed, only the words say what to do. Where a
     frame of the model is not the robot's, that is mended first.
     """
     open_ = None if diagnosis.barred else still_open(diagnosis)

@@ -17,7 +17,7 @@ SPIKES = 1e-3
 def within_reach(limits: Limits, runs: Sequence[Logged]) -> tuple[Limits, bool]:
     """The limits, and what the runs reached of all that joints with too few of them lack; whether any does.
 
-    Too few are those that ``missing_limits`` tells of, and those without a rated speed.
+    Too few are those that ``missing_limits`` names, and those without a rated speed.
     """
     no_range, no_bound = missing_limits(limits)
     unrated = ~np.isfinite(limits.velocity)

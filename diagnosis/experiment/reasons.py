@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from testbench.effects import effect
 from testbench.effects.experiment import Experiment
 
-# Separation in noise units that one run shows beyond doubt; below it a motion alone cannot tell.
+# Separation in noise units that one run shows beyond doubt; below it a motion alone separates nothing.
 ENOUGH = 4.0
 
 
@@ -17,21 +17,21 @@ def why(open_: Sequence[str], chosen: Sequence[str], separation: float | None, r
     motion for the given reason.
     """
     hidden = "none" in open_
-    question = f"These runs cannot tell {_listed(open_)} apart"
+    question = f"These runs do not distinguish {_listed(open_)}"
     if hidden:
         question = f"These runs would not show {_listed(open_)}"
     if separation is None:
         return _sentences(question + _advice(open_), reason[0].upper() + reason[1:])
     if separation < ENOUGH:
-        told = f"The best motion found would part them by only {separation:.2g} times the noise"
-        return _sentences(question + _advice(open_), told)
+        outcome = f"The best motion found would part them by only {separation:.2g} times the noise"
+        return _sentences(question + _advice(open_), outcome)
     if not hidden:
-        told = f"The proposed motion parts them by {separation:.3g} times the noise"
-        told += "" if set(chosen) == set(open_) else f" if it is {_listed(chosen)}"
-        return _sentences(question + _advice(open_), told)
+        outcome = f"The proposed motion parts them by {separation:.3g} times the noise"
+        outcome += "" if set(chosen) == set(open_) else f" if it is {_listed(chosen)}"
+        return _sentences(question + _advice(open_), outcome)
     left = [name for name in open_ if name not in chosen]
-    told = f"The proposed motion shows {_listed(chosen)} at {separation:.3g} times the noise or more"
-    return _sentences(question, told, *([f"Left: {_listed(left)}{_advice(left)}"] if left else []))
+    outcome = f"The proposed motion shows {_listed(chosen)} at {separation:.3g} times the noise or more"
+    return _sentences(question, outcome, *([f"Left: {_listed(left)}{_advice(left)}"] if left else []))
 
 
 def _advice(names: Sequence[str]) -> str:

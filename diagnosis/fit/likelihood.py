@@ -98,8 +98,8 @@ def by_chance(candidate: Candidate) -> float:
 
 def price(hypothesis: Design, candidate: Candidate) -> float:
     """Price of an effect: half the logarithm of its samples for each fitted coefficient and shape (BIC)."""
-    told = float(np.max(hypothesis.independent[list(candidate.member.rows)]))
-    return 0.5 * (candidate.count + len(candidate.member.shape)) * float(np.log(max(told, 1.0)))
+    samples = float(np.max(hypothesis.independent[list(candidate.member.rows)]))
+    return 0.5 * (candidate.count + len(candidate.member.shape)) * float(np.log(max(samples, 1.0)))
 
 
 def weigh(stage: Stage, *banks: Bank, allowed: Callable[[Gain], bool] = lambda gain: True) -> list[Weighed]:

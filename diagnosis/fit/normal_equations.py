@@ -119,7 +119,7 @@ def _in_turn(hypothesis: Design, scale_passes: int) -> tuple[Array, Array]:
 def on_whole_runs(hypothesis: Design, fitted: Fit) -> Fit:
     """The fit with whole runs held out, each predicted from the others; as it is where there is only one.
 
-    No other run tells of a joint that moves in one run alone: there, parts of that run are held out.
+    No other run has a joint that moves in one run alone: there, parts of that run are held out.
     """
     prepared = hypothesis.prepared
     if len(prepared.runs) == 1 or len(prepared.runs) == len(prepared.folds):

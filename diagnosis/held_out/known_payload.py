@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 # Deviation of a drive's gain, where nothing determines it.
 GAIN = 0.15
-# Of the base columns' squares, against those that one joint alone does not tell.
+# Of the base columns' squares, against those that one joint alone does not determine.
 RIDGE = 1e-9
 
 

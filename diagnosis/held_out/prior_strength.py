@@ -19,7 +19,7 @@ TIGHTER, BETTER = 0.1, 0.05
 def with_predictive_prior(hypothesis: Design, fitted: Fit) -> Fit:
     """The fit with whole runs held out, with a tighter prior where that predicts these better.
 
-    As it is where a joint moves in one run alone: parts of one motion tell little of another. The joints'
+    As it is where a joint moves in one run alone: parts of one motion predict little of another. The joints'
     squared errors count by their own torque.
     """
     as_it_is = on_whole_runs(hypothesis, fitted)

@@ -42,7 +42,7 @@ def generic_candidates(prepared: Prepared, known: Sequence[Candidate] = ()) -> l
             if regime != TORQUE and (name, joint, None) in same:
                 found.append(same[name, joint, None])
                 continue
-            # Two samples tell how many there are.
+            # Two samples determine how many there are.
             k = _functions([run.part(slice(0, 2)) for run in logged], joint, regime)[0].shape[2]
             if k > 0:
                 columns = _functions(logged, joint, regime)

@@ -72,7 +72,7 @@ def diagnosis_document(
         "silent": [names[joint] for joint in sorted(prepared.silent)],
         "still": [names[joint] for joint in sorted(prepared.still)],
         "one_sine": [names[joint] for joint in sorted(diagnosis.one_sine)],
-        "untold": [names[joint] for joint in diagnosis.untold],
+        "too_little_motion": [names[joint] for joint in diagnosis.too_little_motion],
         "mended": diagnosis.mended,
         "everywhere": [{"effect": effect, "joint": name(joint)} for effect, joint in diagnosis.everywhere],
     }

@@ -29,15 +29,15 @@ def where(diagnosis: Diagnosis) -> go.Figure:
     for each in diagnosis.where:
         joint, unit = each.joint, units[each.joint]
         share = 100 * each.share
-        told = (
+        hint = (
             f"{names[joint]}<br>{share:.1f} % of the gap<br>"
             f"RMS {each.gap_rms:.3g} {unit}, noise {each.noise_rms:.3g} {unit}"
         )
-        of_joint.fill(joint, ALL, share, share, told)
+        of_joint.fill(joint, ALL, share, share, hint)
         for part in each.regimes:
             own = share * part.share
             of_regime.fill(
-                joint, (part.aspect, part.part), own, share * part.excess, _told(names[joint], part, unit)
+                joint, (part.aspect, part.part), own, share * part.excess, _hint(names[joint], part, unit)
             )
             if part.cycles is not None and own >= 100 * LEAST_SHOWN:
                 per = "m" if diagnosis.robot.chain.is_slide[joint] else "turn"
@@ -92,7 +92,7 @@ class _Cells:
         )
 
 
-def _told(name: str, part: RegimeShare, unit: str) -> str:
+def _hint(name: str, part: RegimeShare, unit: str) -> str:
     return (
         f"{name}, {part.regime}<br>{100 * part.share:.0f} % of the joint's gap "
         f"({100 * part.low:.0f} to {100 * part.high:.0f} %)<br>"

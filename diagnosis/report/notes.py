@@ -1,4 +1,4 @@
-"""Notes of a diagnosis, in sentences: how its runs differ, what they do not tell, and what was mended."""
+"""Notes of a diagnosis in sentences: how its runs differ, what they leave open, and what was mended."""
 
 from collections.abc import Sequence
 
@@ -43,18 +43,18 @@ def differences(found: Sequence[Difference], robot: Robot) -> list[str]:
 
 
 def _gains_in_words(known: Sequence[Difference], names: Sequence[str]) -> str:
-    """The drives' gains by payloads of known masses, which tell them together."""
+    """The drives' gains by payloads of known masses, which determine them together."""
     gains, deviations = known[0].gains, known[0].deviations
     assert gains is not None
     assert deviations is not None
-    told = [
+    found = [
         f"{names[j]} {1 + gains[j]:.3f} ± {deviations[j]:.1g}"
         for j in np.flatnonzero(deviations < KNOWN).tolist()
     ]
     carried = " and ".join(
         f"the {each.mass.value:g} kg that {each.run} carries" for each in known if each.mass
     )
-    by = f"true over reported torque is {', '.join(told)}" if told else "no drive's gain is determined"
+    by = f"true over reported torque is {', '.join(found)}" if found else "no drive's gain is determined"
     return f"By {carried}, {by}."
 
 
@@ -71,21 +71,25 @@ def late(diagnosis: Diagnosis) -> list[str]:
 def silent(diagnosis: Diagnosis) -> list[str]:
     """The joints whose torque the logs do not have; nothing where they have all."""
     names = [diagnosis.robot.joint_names[joint] for joint in sorted(diagnosis.prepared.silent)]
-    return [f"The logged torque of {', '.join(names)} never changes: nothing is told of it."] if names else []
+    return (
+        [f"The logged torque of {', '.join(names)} never changes: nothing can be said of it."]
+        if names
+        else []
+    )
 
 
-def untold(diagnosis: Diagnosis) -> list[str]:
+def too_little_motion(diagnosis: Diagnosis) -> list[str]:
     """The joints that move too little for an effect to be reported, and why; empty where all move enough."""
     names, said = diagnosis.robot.joint_names, []
     if still := [names[joint] for joint in sorted(diagnosis.prepared.still)]:
         stay = "it stays as the model has it" if len(still) == 1 else "they stay as the model has them"
         said.append(f"In these runs {listed(still)} stood still: {stay}.")
-    if short := [names[joint] for joint in diagnosis.untold]:
+    if short := [names[joint] for joint in diagnosis.too_little_motion]:
         said.append(f"These runs hold too few seconds of motion for a name at {listed(short)}.")
     if sines := [names[joint] for joint in sorted(diagnosis.one_sine)]:
         place = "every joint" if len(sines) == len(names) else listed(sines)
         said.append(
-            f"One sine at {place}: inertia, gravity and springs there cannot be told apart. "
+            f"One sine at {place}: inertia, gravity and springs there are collinear. "
             "Record a motion of several frequencies."
         )
     return said
@@ -97,14 +101,14 @@ def everywhere(diagnosis: Diagnosis) -> list[str]:
     for name, joint in sorted(diagnosis.everywhere, key=str):
         assert joint is not None
         places.setdefault(name, []).append(diagnosis.robot.joint_names[joint])
-    told = "; ".join(f"{title(name)} ({', '.join(joints)})" for name, joints in places.items())
-    return [f"Fitted, but no one joint's fault, since others are as imperfect: {told}."] if told else []
+    named = "; ".join(f"{title(name)} ({', '.join(joints)})" for name, joints in places.items())
+    return [f"Fitted, but no one joint's fault, since others are as imperfect: {named}."] if named else []
 
 
 def mended(diagnosis: Diagnosis) -> list[str]:
     """The samples that were lost on the way to the log; nothing where none were."""
-    told = [f"{count} of {name}" for name, count in diagnosis.mended.items()]
-    return [f"Samples held or spoiled, and interpolated: {', '.join(told)}."] if told else []
+    lost = [f"{count} of {name}" for name, count in diagnosis.mended.items()]
+    return [f"Samples held or spoiled, and interpolated: {', '.join(lost)}."] if lost else []
 
 
 def recurrence(diagnosis: Diagnosis) -> list[str]:
@@ -123,7 +127,7 @@ def noise_unseen(diagnosis: Diagnosis) -> list[str]:
         return []
     place = "all joints" if len(names) == len(diagnosis.robot.joint_names) else ", ".join(names)
     return [
-        f"The torque of {place} was low-passed before it was logged: its noise is at most the floor told."
+        f"The torque of {place} was low-passed before it was logged: its noise is at most the stated floor."
     ]
 
 

@@ -77,7 +77,7 @@ def _notes(diagnosis: Diagnosis) -> list[str]:
     """All else that is to be known, a sentence each."""
     return [
         *diagnosis.notes,
-        *notes.untold(diagnosis),
+        *notes.too_little_motion(diagnosis),
         *notes.everywhere(diagnosis),
         *notes.mended(diagnosis),
         *notes.recurrence(diagnosis),
@@ -94,7 +94,7 @@ def _tiles(diagnosis: Diagnosis) -> list[Tile]:
         tiles.append(Tile(f"{100 * diagnosis.effects[0].probability:.0f} %", "certain of the first effect"))
     tiles.append(Tile(f"{total['nominal']:.3g} {unit}", "torque error, model as given"))
     tiles.append(Tile(f"{total['effects']:.3g} {unit}", "after correction"))
-    closed = gap.told_closed
+    closed = gap.reported_closed
     if closed is not None and diagnosis.effects:
         tiles.append(Tile(f"{100 * closed:.0f} %", "of re-identification's rest explained", closed >= 0.8))
     return tiles

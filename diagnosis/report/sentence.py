@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from testbench.robot import Robot
 
 from ..decision.findings import LITTLE_CLOSED, PERHAPS_NOISE, Gap, NamedEffect
-from ..residual.shares import NOTHING, UNTOLD, Unclaimed
+from ..residual.shares import NOTHING, UNCERTAIN, Unclaimed
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def _named_in_words(robot: Robot, effect: NamedEffect) -> str:
 
 def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
     """How far the effects shrink the gap; joint: that of the first."""
-    closed, place = gap.told_closed, ""
+    closed, place = gap.reported_closed, ""
     little = gap.closed is None or gap.closed < LITTLE_CLOSED
     if little and joint is not None and (own := gap.closed_at(joint)) is not None and own >= LITTLE_CLOSED:
         # Most of all joints' torque may be another's, whose parameters predict one run better than another.
@@ -93,8 +93,8 @@ def unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
     if item.regime == NOTHING and item.share < NEXT_TO_NOTHING:
         joint = robot.joint_names[item.joint]
         return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"
-    if item.regime == UNTOLD:
-        return f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {UNTOLD}"
+    if item.regime == UNCERTAIN:
+        return f"{robot.joint_names[item.joint]} {item.share:.0%} of the gap follows {UNCERTAIN}"
     followed, likely = item.regime if item.regime == NOTHING else f"the joint's {item.regime}", ""
     if item.period is not None:
         followed = f"the joint's {item.period}"

@@ -34,22 +34,22 @@ def summary(
         lines.append(labelled_line("where", where))
     for each in diagnosis.effects[:MOST_EFFECTS]:
         label = words.labelled(robot, each)
-        told = words.parameters(each, diagnosis.run_names)
-        lines.append(labelled_line("effect", f"{label}: {100 * each.probability:.0f} %; {told}"))
+        sizes = words.parameters(each, diagnosis.run_names)
+        lines.append(labelled_line("effect", f"{label}: {100 * each.probability:.0f} %; {sizes}"))
     if diagnosis.effects and diagnosis.notes:
         lines.append(labelled_line("unknown", diagnosis.notes[0]))
     for label, said in (
         ("runs", notes.differences(diagnosis.differences, robot)),
         ("late", notes.late(diagnosis)),
         ("silent", notes.silent(diagnosis)),
-        ("untold", notes.untold(diagnosis)),
+        ("motion", notes.too_little_motion(diagnosis)),
         ("alike", notes.everywhere(diagnosis)),
         ("mended", notes.mended(diagnosis)),
     ):
         lines += [labelled_line(label, each) for each in said]
     if ambiguous := next((each for each in diagnosis.effects if each.confusable_with), None):
-        told = f"{words.title(ambiguous.effect)} may be {words.confusable(ambiguous)}"
-        lines.append(labelled_line("open", f"{told}: these runs cannot tell"))
+        either = f"{words.title(ambiguous.effect)} may be {words.confusable(ambiguous)}"
+        lines.append(labelled_line("open", f"{either}: these runs do not distinguish them"))
     others = [
         f"{words.labelled(robot, each)} ({100 * each.probability:.0f} %)"
         for each in diagnosis.not_reported[:MOST_RIVALS]
@@ -70,21 +70,21 @@ def _gap(diagnosis: Diagnosis) -> str:
     """The gap of all joints by stage, the noise in it, and how far it is closed."""
     gap = diagnosis.gap
     stages = (("given", gap.nominal), ("re-identified", gap.parameters), ("with effects", gap.effects))
-    told = " → ".join(f"{np.sum(rms):.3g} {name}" for name, rms in stages)
+    by_stage = " → ".join(f"{np.sum(rms):.3g} {name}" for name, rms in stages)
     at_most = "at most " if gap.unseen.any() else ""
     noise = f"noise {at_most}{np.sum(gap.noise_floor):.3g} {torque_unit(diagnosis.robot)}"
-    share = gap.told_closed
+    share = gap.reported_closed
     closed = "" if share is None or not diagnosis.effects else f"; {100 * share:.0f} % closed"
-    return f"{told}, {noise}{closed}{_over_all(diagnosis)}"
+    return f"{by_stage}, {noise}{closed}{_over_all(diagnosis)}"
 
 
 def _over_all(diagnosis: Diagnosis) -> str:
     """The gap of all joints over all frequencies, for the end of a line on that in the band."""
     gap = diagnosis.gap
-    told = " → ".join(f"{np.sum(gap.over_all(getattr(gap, stage))):.3g}" for stage in STAGES)
+    by_stage = " → ".join(f"{np.sum(gap.over_all(getattr(gap, stage))):.3g}" for stage in STAGES)
     band = sorted({significant(each, 2) for each in diagnosis.prepared.cutoff.tolist()}, key=float)
     below = band[0] if len(band) == 1 else f"{band[0]} to {band[-1]}"
-    return f"; that is below {below} Hz, over all frequencies {told}"
+    return f"; that is below {below} Hz, over all frequencies {by_stage}"
 
 
 def _corrected_file(robot: Robot, written: Written) -> str:
@@ -92,5 +92,5 @@ def _corrected_file(robot: Robot, written: Written) -> str:
     error = written.error
     given, laws, file = (f"{np.sum(rms):.3g}" for rms in (error.given, error.laws, error.file))
     lacks = "; the report lists what the file lacks" if written.lacks else ""
-    told = f"{given} given → {file} by corrected.xml along these runs, {laws} by the diagnosis's laws"
-    return f"{told} ({torque_unit(robot)}){lacks}"
+    line = f"{given} given → {file} by corrected.xml along these runs, {laws} by the diagnosis's laws"
+    return f"{line} ({torque_unit(robot)}){lacks}"

@@ -69,11 +69,11 @@ def _spans(times: Quantity, runs: Sequence[str]) -> str:
     if not runs:
         return f"{', '.join(spans)} {known}"
     of_runs = dict.fromkeys(runs)
-    told = (
+    when = (
         f"{', '.join(span for span, run in zip(spans, runs, strict=True) if run == each)} in {each}"
         for each in of_runs
     )
-    return f"{'; '.join(told)}, {known}"
+    return f"{'; '.join(when)}, {known}"
 
 
 def parameters(named: NamedEffect, runs: Sequence[str]) -> str:

@@ -162,7 +162,7 @@ def _continued(run: Run, joint: int, frequency: Array, density: Array) -> tuple[
         float(np.mean(np.abs(own - shape - level))) for shape, level in zip(shapes, levels, strict=True)
     ]
     best = int(np.argmin(misfit))
-    # What the filter lets pass, on a grid that tells its band.
+    # What the filter lets pass, on a grid that resolves its band.
     length = 1 << int(np.ceil(np.log2(4 * len(taps))))
     passed = np.abs(np.fft.rfft(taps, length)) ** 2
     continued = np.exp(levels[best]) / (1 + (np.fft.rfftfreq(length, 1 / rate) / corners[best]) ** 2)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 # A joint's gap that is in no regime more than in others.
 EVERYWHERE = "everywhere"
 # What an unexplained residual follows: no function of the motion, or effects that these runs leave unsure.
-NOTHING, UNTOLD = "nothing that was tried", "effects that these runs do not tell for sure"
+NOTHING, UNCERTAIN = "nothing that was tried", "effects that these runs do not determine for sure"
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ class Search:
         ):
             return pushed
         if clipped is not None and limit > largest:
-            shared = [w for w in material if _is_told_elsewhere(stage, w.gain, clipped)]
+            shared = [w for w in material if _is_seen_elsewhere(stage, w.gain, clipped)]
             if shared and (chosen := choose(self.sized, stage, shared, weighed, self.without)) is not None:
                 return Found(*chosen)
             # Who withstands a push asks for torque as long as it lasts.
@@ -106,7 +106,7 @@ class Search:
         return None if found is None else Found(*found)
 
 
-def _is_told_elsewhere(stage: Stage, gain: Gain, limit: Weighed) -> bool:
+def _is_seen_elsewhere(stage: Stage, gain: Gain, limit: Weighed) -> bool:
     """Whether an effect on a limit's joint also explains nearly all of another joint's residual.
 
     Fitted without it, a limit takes up what it does at its joint, and leaves it contradicted there.

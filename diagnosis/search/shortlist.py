@@ -69,7 +69,7 @@ def choose(
     if len(searched_for(shortlist[first].candidate)) > 1:
         shortlist[first] = refined(robot, stage, shortlist[first], MORE_TRIED)
     # The price is for rivals; here nothing is to make the fit far worse.
-    if likelihoods[first] + price(stage.hypothesis, listed[first]) <= before and not _is_told_by_all_runs(
+    if likelihoods[first] + price(stage.hypothesis, listed[first]) <= before and not _is_shown_by_all_runs(
         stage, compared[first]
     ):
         return None
@@ -89,12 +89,12 @@ def choose(
     return best, tuple(sorted(rivals, key=lambda r: -r[1])), trial
 
 
-def _is_told_by_all_runs(stage: Stage, trial: tuple[Design, Fit]) -> bool:
+def _is_shown_by_all_runs(stage: Stage, trial: tuple[Design, Fit]) -> bool:
     """Whether all runs together have what bends all parameters, the last effect, whatever left-out ones say.
 
     Where a run that is left out was the fast one, the parameters are extrapolated to it. A delay and the
     log's timing make a column of each other that only one of them at a time has: the prior keeps the timing
-    near its size, and nothing the delay, so that this tells it from the timing by any evidence.
+    near its size, and nothing the delay, so that this distinguishes it from the timing by any evidence.
     """
     last = trial[0].accepted[-1]
     is_delay = last.is_common_delay

@@ -245,4 +245,4 @@ def _experiment(
         return None
     ways = dict.fromkeys(effects[name].experiment for name in names)
     titles = " from ".join(effects[name].title.lower() for name in names[:2])
-    return Experiment(f"To tell {titles}: record {'; and '.join(ways)}.", names)
+    return Experiment(f"To distinguish {titles}: record {'; and '.join(ways)}.", names)

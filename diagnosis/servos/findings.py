@@ -16,7 +16,7 @@ class ServoFault:
     """An effect that is stated. joint: None for all joints of the limb, joints. parameters: by name.
 
     held_out_share: of the squared position error that re-identification leaves there on halves that were not
-    fitted, what the effects take away. confusable_with: effects that these runs do not tell from it.
+    fitted, what the effects take away. confusable_with: effects that these runs do not distinguish from it.
     """
 
     effect: str

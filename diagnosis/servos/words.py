@@ -69,7 +69,7 @@ def title(each: ServoFault) -> str:
 
 
 def confusable(each: ServoFault) -> str:
-    """Titles of the effects that these runs do not tell from one; empty where there are none."""
+    """Titles of the effects that these runs do not distinguish from one; empty where there are none."""
     return ", ".join(drive_effects()[name].title for name in each.confusable_with)
 
 
@@ -95,7 +95,9 @@ def print_servo_summary(diagnosis: ServoDiagnosis) -> None:
     for each in diagnosis.effects[:MOST]:
         lines.append(labelled_line("effect", f"{title(each)}: {each.probability:.0%}"))
         if each.confusable_with:
-            lines.append(labelled_line("open", f"these runs hardly tell it from {confusable(each).lower()}"))
+            lines.append(
+                labelled_line("open", f"these runs hardly distinguish it from {confusable(each).lower()}")
+            )
     listed = diagnosis.candidates[:MOST]
     if listed:
         weighed = [f"{labelled(each.effect, each.joint)} ({each.probability:.0%})" for each in listed]

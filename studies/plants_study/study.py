@@ -143,7 +143,7 @@ FIGURES: dict[str, tuple[Callable[[Row], bool], Callable[[Row], bool]]] = {
     "pairs, both named": (lambda row: row["kind"] == "pair", lambda row: row["all_named"]),
     "pairs, first name right": (lambda row: row["kind"] == "pair", lambda row: row["first_right"]),
     "unknown laws without a name": (lambda row: row["kind"] == "unknown", lambda row: not row["named"]),
-    "unknown laws told as unknown": (
+    "unknown laws reported as unknown": (
         lambda row: row["kind"] == "unknown",
         lambda row: row["verdict"] == "unknown",
     ),

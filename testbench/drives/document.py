@@ -100,7 +100,7 @@ def drives_document(
                 "std": each.std,
                 "unit": each.unit,
                 "evidence": each.evidence if np.isfinite(each.evidence) else None,
-                "not_told_from": list(each.alike),
+                "not_distinguished_from": list(each.alike),
             }
             for each in differing
         ],

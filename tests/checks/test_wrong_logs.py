@@ -36,5 +36,5 @@ def test_healthy_logs_have_nothing_to_say(servo):
     "mistake", [each for each in MISTAKES if each.name in DOZEN], ids=lambda each: each.name
 )
 def test_a_mistake_is_reported_in_the_right_words(servo: Plant, mistake: Mistake):
-    is_told, found = judge(servo, mistake)
-    assert is_told, [each.sentence for each in found]
+    is_found, found = judge(servo, mistake)
+    assert is_found, [each.sentence for each in found]

@@ -13,7 +13,7 @@ CABLE = f"cable_spring:elbow:stiffness={STIFFNESS},rest=0.4"
 
 
 @pytest.mark.parametrize("law", ["linear", "hysteretic"])
-def test_a_cable_is_told_with_the_law_by_which_it_pulls(arm, law):
+def test_a_cable_is_found_with_the_law_by_which_it_pulls(arm, law):
     found = diagnose(arm, simulated_runs(arm, [parse_injection(arm, f"{CABLE},law={law}")], runs=3))
     (cable,) = found.effects
     assert (cable.effect, cable.joint, cable.law) == ("cable_spring", 1, law)
@@ -28,7 +28,7 @@ def test_a_cable_is_told_with_the_law_by_which_it_pulls(arm, law):
         assert np.all(found.gap.effects < 1.1 * found.gap.noise_floor)
 
 
-def test_a_cable_that_hardly_hardens_is_told_as_one(arm):
+def test_a_cable_that_hardly_hardens_is_found_as_one(arm):
     text = "cable_spring:elbow:stiffness=3,rest=0.1,doubling=2.5,law=hardening"
     found = diagnose(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3))
     (cable,) = found.effects

@@ -78,14 +78,14 @@ def test_the_effect_and_its_joint_are_named_and_the_gap_closes(arm, text, joint)
         ),
     ],
 )
-def test_what_effects_explain_is_told_of_their_joint_where_others_hide_it(
+def test_what_effects_explain_is_reported_of_their_joint_where_others_hide_it(
     arm, parameters, effects, floor, expected
 ):
     gap = exact_gap(*map(np.array, ([9.0, 2.0], parameters, effects, floor)))
     assert shrunk_in_words(arm, 1, gap).startswith(expected)
 
 
-def test_a_delay_is_told_of_a_robot_of_one_joint(tmp_path):
+def test_a_delay_is_found_on_a_robot_of_one_joint(tmp_path):
     bench = small_arm(tmp_path, PENDULUM)
     delay = parse_injection(bench, "torque_delay::delay=0.005")
     (found,) = diagnose(bench, simulated_runs(bench, [delay], runs=3)).effects

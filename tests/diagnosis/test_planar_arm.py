@@ -27,7 +27,7 @@ def test_a_turn_that_no_joint_feels_is_held_at_zero(tmp_path):
     assert np.any(tilt.filtered[0][:, :, pitch])
 
 
-def test_a_tilt_and_an_offset_of_the_first_joint_are_told_as_one(tmp_path):
+def test_a_tilt_and_an_offset_of_the_first_joint_are_reported_as_one(tmp_path):
     arm = small_arm(tmp_path, PLANAR)
     tilted = simulated_runs(arm, [parse_injection(arm, "base_tilt::pitch=0.08,roll=0")], runs=3)
     (first, *_) = [each for each in attribute(prepare(arm, tilted)).accepted if each.named]

@@ -93,7 +93,7 @@ def test_a_spring_of_the_model_is_no_gap(sprung):
     assert np.all(found.gap.nominal < 1.1 * found.gap.noise_floor)
 
 
-def test_a_cable_beside_a_spring_is_told_and_both_are_in_the_corrected_model(sprung, tmp_path):
+def test_a_cable_beside_a_spring_is_found_and_both_are_in_the_corrected_model(sprung, tmp_path):
     stiffness, rest = 4.0, 0.5
     cable = parse_injection(sprung, f"cable_spring:elbow:stiffness={stiffness},rest={rest}")
     found = diagnose(sprung, simulated_runs(sprung, [cable], runs=3))

@@ -79,11 +79,11 @@ def _held(arm, joints):
 
 def test_logs_of_an_arm_at_rest_are_refused(tmp_path):
     arm = small_arm(tmp_path)
-    with pytest.raises(InputError, match="cannot tell, got all at rest"):
+    with pytest.raises(InputError, match="hold no motion, got all at rest"):
         prepare(arm, _held(arm, [0, 1]))
 
 
-def test_a_joint_that_stands_still_is_said_to_tell_nothing(tmp_path):
+def test_a_joint_that_stands_still_is_said_to_determine_nothing(tmp_path):
     arm = small_arm(tmp_path)
     found = diagnose(arm, _held(arm, [1]))
     assert found.prepared.still == {1}
@@ -99,7 +99,7 @@ def test_what_explains_nearly_all_has_a_name_in_half_the_time(tmp_path, samples,
     found = diagnose(arm, {name: _without(run, slice(samples, None)) for name, run in runs.items()})
     assert not found.final[0].has_enough_samples.any()
     assert [(each.effect, each.joint) for each in found.effects] == [("joint_coupling", 0)] * named
-    assert found.untold == (() if named else (0, 1))
+    assert found.too_little_motion == (() if named else (0, 1))
 
 
 def test_a_narrow_band_costs_independent_samples_once(tmp_path, monkeypatch):

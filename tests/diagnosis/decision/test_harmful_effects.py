@@ -21,7 +21,7 @@ def prepared(arm):
     return prepare(arm, simulated_runs(arm, [], runs=2, noise=0.05))
 
 
-def _told(prepared, effect, in_first_run):
+def _accepted(prepared, effect, in_first_run):
     """A candidate of the second joint, of random columns: of the first run so much, of the second all."""
     own = next(c for c in candidates(prepared, only=[effect]) if c.family.joint == 1)
     random, sizes = np.random.default_rng(len(effect)), (in_first_run, 1.0)
@@ -39,7 +39,7 @@ def _attribution(prepared, *effects):
 
 @pytest.mark.parametrize(("in_first_run", "kept"), [(1e-3, 0), (0.5, 1)])
 def test_what_another_run_cannot_tell_is_taken_out(prepared, in_first_run, kept):
-    found = _attribution(prepared, _told(prepared, "asymmetric_friction", in_first_run))
+    found = _attribution(prepared, _accepted(prepared, "asymmetric_friction", in_first_run))
     only = found.parameters_only[0], on_whole_runs(*found.parameters_only)
     left, (_, final) = without_misleading(found, only)
     assert len(left.accepted) == len(left.hypothesis.accepted) == kept
@@ -47,7 +47,7 @@ def test_what_another_run_cannot_tell_is_taken_out(prepared, in_first_run, kept)
 
 
 def test_what_misleads_is_taken_out_alone(prepared):
-    good, bad = _told(prepared, "cable_spring", 0.5), _told(prepared, "gravity_spring", 1e-3)
+    good, bad = _accepted(prepared, "cable_spring", 0.5), _accepted(prepared, "gravity_spring", 1e-3)
     found = _attribution(prepared, good, bad)
     only = found.parameters_only[0], on_whole_runs(*found.parameters_only)
     left, _ = without_misleading(found, only)

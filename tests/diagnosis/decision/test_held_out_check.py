@@ -31,7 +31,9 @@ def prepared(arm):
         (8.0, 50.0, False, []),
     ],
 )
-def test_a_gap_that_effects_without_a_name_close_is_told_as_unknown(prepared, after, torque, named, expected):
+def test_a_gap_that_effects_without_a_name_close_is_found_as_unknown(
+    prepared, after, torque, named, expected
+):
     gap = exact_gap(*(np.array([1.0, each]) for each in (10.0, 10.0, after, 0.5)))
     item = accepted_of(candidates(prepared, only=["stribeck_friction"])[0], named=named)
     found = closed_without_a_name([item], gap, np.array([torque, torque]))

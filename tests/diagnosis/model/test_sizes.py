@@ -13,7 +13,7 @@ from ...diagnosed import simulated_runs
 
 
 @pytest.mark.parametrize("exponent", [1.3, 2.7])
-def test_falling_friction_is_told_with_its_shape(arm, exponent):
+def test_falling_friction_is_found_with_its_shape(arm, exponent):
     true = {"extra": 1.5, "velocity": 0.3, "exponent": exponent}
     text = ",".join(f"{name}={value}" for name, value in true.items())
     runs = simulated_runs(arm, [parse_injection(arm, f"stribeck_friction:shoulder:{text}")], runs=3)
@@ -26,7 +26,7 @@ def test_falling_friction_is_told_with_its_shape(arm, exponent):
 
 
 @pytest.mark.parametrize(("coefficient", "exponent"), [(4.0, 0.4), (2.0, 0.7)])
-def test_friction_that_bends_is_told_with_its_exponent(arm, coefficient, exponent):
+def test_friction_that_bends_is_found_with_its_exponent(arm, coefficient, exponent):
     text = f"nonlinear_viscous_friction:shoulder:coefficient={coefficient},exponent={exponent}"
     (found,) = diagnose(arm, simulated_runs(arm, [parse_injection(arm, text)], runs=3)).effects
     assert (found.effect, found.joint) == ("nonlinear_viscous_friction", 0)
@@ -62,7 +62,7 @@ def test_the_stiffness_of_a_transmission_is_sought_at_the_load_that_it_leaves(ar
     assert 0 < damping.std < 0.1 * 4
 
 
-def test_a_spring_is_told_by_a_column_that_is_its_own(arm):
+def test_a_spring_is_found_by_a_column_that_is_its_own(arm):
     """A little of what a far softer one's resonance does looks like it, and so does one that hardens."""
     stiffness = 3000.0
     text = f"joint_elasticity:shoulder:stiffness={stiffness},damping=4"
@@ -73,7 +73,7 @@ def test_a_spring_is_told_by_a_column_that_is_its_own(arm):
 
 
 @pytest.mark.parametrize("gap", [0.0011, 0.003, 0.009])
-def test_a_play_is_told_by_when_the_link_lands_and_by_how_hard(arm, gap):
+def test_a_play_is_found_by_when_the_link_lands_and_by_how_hard(arm, gap):
     runs = simulated_runs(arm, [parse_injection(arm, f"backlash:shoulder:gap={gap}")], runs=3)
     (found,) = diagnose(arm, runs).effects
     assert (found.effect, found.joint) == ("backlash", 0)

@@ -57,7 +57,7 @@ def test_document_follows_the_contract(folder: Path, answer: Diagnosis) -> None:
     assert document["next_experiment"] is None
 
 
-def test_over_all_frequencies_is_told_what_the_torque_has_above_the_band(
+def test_over_all_frequencies_is_found_what_the_torque_has_above_the_band(
     robot: Robot, runs: dict[str, Recording]
 ) -> None:
     run = runs["run_1"]

@@ -56,7 +56,7 @@ def test_summary_says_last_what_error_the_written_file_has(answer: Diagnosis) ->
     assert "12 given → 6 by corrected.xml along these runs, 3 by the diagnosis's laws" in last
 
 
-def test_where_there_is_no_gap_nothing_is_closed_and_no_place_is_told(answer: Diagnosis) -> None:
+def test_where_there_is_no_gap_nothing_is_closed_and_no_place_is_found(answer: Diagnosis) -> None:
     none = replace(answer, verdict="none", effects=())
     assert answer.gap.closed is not None
     assert diagnosis_document(none)["gap"]["closed"] is None
@@ -64,7 +64,7 @@ def test_where_there_is_no_gap_nothing_is_closed_and_no_place_is_told(answer: Di
     assert "where" not in summary(none).plain
 
 
-def test_what_would_be_nothing_per_cent_is_neither_drawn_nor_told(answer: Diagnosis) -> None:
+def test_what_would_be_nothing_per_cent_is_neither_drawn_nor_reported(answer: Diagnosis) -> None:
     nothing = replace(
         answer,
         where=tuple(replace(each, share=0.004) for each in answer.where),

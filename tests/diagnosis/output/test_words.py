@@ -24,11 +24,11 @@ from ...diagnosed import diagnosed
         (0.12345, 0.0, "0.123 N·m"),
     ],
 )
-def test_a_number_is_told_as_far_as_it_is_known(value, deviation, expected):
+def test_a_number_is_found_as_far_as_it_is_known(value, deviation, expected):
     assert quantity(Quantity(value, deviation, "N·m")) == expected
 
 
-def test_when_a_push_was_is_told_by_the_clock_of_the_logs():
+def test_when_a_push_was_is_found_by_the_clock_of_the_logs():
     times = Quantity((310.6508, 311.1268, 1546.8304, 1547.2664), (0.101,) * 4, "s")
     named: Any = SimpleNamespace(
         candidate=SimpleNamespace(member=SimpleNamespace(law=None)),
@@ -39,7 +39,7 @@ def test_when_a_push_was_is_told_by_the_clock_of_the_logs():
     assert text == "intervals 310.7 to 311.1 in calm; 1546.8 to 1547.3 in pushed, s (each ± 0.1)"
 
 
-def test_a_floor_of_low_passed_logs_is_told_as_a_bound(robot, runs, answer):
+def test_a_floor_of_low_passed_logs_is_found_as_a_bound(robot, runs, answer):
     low_passed = {
         name: replace(
             run, torque=sosfiltfilt(butter(5, 15.0, output="sos", fs=run.sample_rate), run.torque, axis=0)

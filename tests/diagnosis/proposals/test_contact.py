@@ -210,7 +210,7 @@ def test_no_push_is_many_times_what_a_drive_withstands(pushed, limit, expected):
     assert (found is not None) == expected
 
 
-def test_loads_of_a_push_are_told_apart_by_what_each_joint_withstands():
+def test_loads_of_a_push_are_distinguished_by_what_each_joint_withstands():
     torques = np.random.default_rng(0).normal(size=(50, 2, 3)) * np.array([1.0, 4.0])[:, None]
     withstood = np.array([1.0, 0.1])
     loads = (torques @ independent(torques, withstood)) / withstood[:, None]

@@ -73,7 +73,7 @@ def test_an_effect_beside_it_is_named_alone(arm):
     assert named == [("cable_spring", 1)]
 
 
-def test_it_is_told_kept_and_predicted(arm, logs, tmp_path):
+def test_it_is_found_kept_and_predicted(arm, logs, tmp_path):
     found = diagnose(arm, logs)
     assert "ahead of the joints" in near_rest(found)[-1]
     assert any(

@@ -56,7 +56,7 @@ def _found(prepared: Prepared) -> NearRest:
     return near_rest(stage, [], *banks) or NearRest()
 
 
-def test_the_width_is_told_to_what_noise_allows(arm):
+def test_the_width_is_found_to_what_noise_allows(arm):
     prepared = prepare(arm, _soft(arm))
     found = _found(prepared)
     # Cramér-Rao: how the filtered torque goes with ln w, by its noise behind the low-pass.

@@ -71,13 +71,13 @@ def sticking(arm: Robot) -> Attribution:
     return attribute(prepare(arm, _runs(arm, sticks=True)))
 
 
-def test_a_shared_drive_that_sticks_is_told_by_where_it_slides(sticking):
+def test_a_shared_drive_that_sticks_is_found_by_where_it_slides(sticking):
     (item,) = [a for a in sticking.accepted if a.named]
     assert item.candidate.place[:2] == ("joint_coupling", 0)
     assert sticking.prepared.standing == {(0, 1)}
 
 
-def test_its_friction_is_told_to_what_noise_allows(sticking):
+def test_its_friction_is_found_to_what_noise_allows(sticking):
     place = next(k for k, a in enumerate(sticking.accepted) if a.named)
     own = sticking.hypothesis.parts[place]
     viscous, coulomb = sticking.fitted.values[own][:2]

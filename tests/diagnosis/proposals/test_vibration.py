@@ -53,7 +53,7 @@ def test_a_lag_is_named_whatever_line_it_is_strongest_in(tmp_path):
 
 
 @pytest.mark.parametrize("samples", [8, 40, 400])
-def test_the_strongest_line_is_told_of_runs_of_any_length(samples):
+def test_the_strongest_line_is_found_of_runs_of_any_length(samples):
     rate = 40.0
     frequencies = np.fft.rfftfreq(samples, 1 / rate)
     power = np.where(np.abs(frequencies - 10.0) < 1e-9, 1.0, 0.0)

@@ -31,7 +31,7 @@ CLOSED = 0.95
 
 
 @pytest.mark.parametrize(("effect", "law", "values"), WAVES)
-def test_a_wave_is_told_with_its_law_and_nothing_of_it_is_left(arm, effect, law, values):
+def test_a_wave_is_found_with_its_law_and_nothing_of_it_is_left(arm, effect, law, values):
     injection = parse_injection(arm, f"{effect}:elbow:{values},law={law}")
     found = diagnose(arm, simulated_runs(arm, [injection], runs=3))
     (wave,) = found.effects
@@ -52,7 +52,7 @@ def test_a_wave_is_told_with_its_law_and_nothing_of_it_is_left(arm, effect, law,
 
 
 @pytest.mark.parametrize("seed", [3, 4, 5, 6])
-def test_two_waves_are_told_to_what_noise_allows_on_any_motion(arm, seed):
+def test_two_waves_are_found_to_what_noise_allows_on_any_motion(arm, seed):
     """A search alone ends many deviations off: a step of Gauss and Newton's is its last."""
     injection = parse_injection(arm, f"{RIPPLE}:elbow:{WAVES[1][2]},law=two_waves")
     (wave,) = diagnose(arm, simulated_runs(arm, [injection], runs=3, seed=seed)).effects

@@ -47,7 +47,7 @@ def test_what_left_out_runs_leave_at_the_wrong_shape_is_moved_by_all_runs_togeth
 
 
 @pytest.mark.parametrize(("joint", "relative"), [("shoulder", 0.05), ("elbow", 0.05), ("elbow", -0.1)])
-def test_whose_gain_is_off_is_told_by_all_runs_together(arm, joint, relative):
+def test_whose_gain_is_off_is_found_by_all_runs_together(arm, joint, relative):
     """At one of two joints it makes up for the other's: left-out runs may take the wrong one for likelier."""
     fault = parse_injection(arm, f"torque_gain_error:{joint}:relative={relative}")
     prepared = prepare(arm, simulated_runs(arm, [fault], runs=3))
@@ -60,7 +60,7 @@ def test_whose_gain_is_off_is_told_by_all_runs_together(arm, joint, relative):
     assert rival.candidate.family.joint == 1 - best.candidate.family.joint
 
 
-def test_which_error_an_encoder_has_is_told_by_all_runs_together(arm, monkeypatch):
+def test_which_error_an_encoder_has_is_found_by_all_runs_together(arm, monkeypatch):
     """Where a joint turns little, an eccentric encoder has most of an offset in it, and one unknown more."""
     prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, "encoder_offset:elbow:offset=0.03")]))
     stage = Stage.of(BaseRegressor(prepared), [])
@@ -77,20 +77,20 @@ def test_which_error_an_encoder_has_is_told_by_all_runs_together(arm, monkeypatc
     assert chosen[0].candidate.family.effect == "encoder_offset"
 
 
-@pytest.mark.parametrize(("name", "is_told"), [("torque_delay", True), ("actuator_lag", False)])
-def test_a_delay_in_the_place_of_the_timing_is_told_by_all_runs_together(arm, monkeypatch, name, is_told):
+@pytest.mark.parametrize(("name", "is_found"), [("torque_delay", True), ("actuator_lag", False)])
+def test_a_delay_in_the_place_of_the_timing_is_found_by_all_runs_together(arm, monkeypatch, name, is_found):
     """Left-out runs may be predicted worse by it: the prior keeps the timing alone near its size."""
     prepared = prepare(arm, simulated_runs(arm, [parse_injection(arm, "torque_delay::delay=0.004")]))
     stage = Stage.of(BaseRegressor(prepared), [])
     weighed = weigh(stage, Bank(stage.base, candidates(prepared, only=[name])))[:1]
     # The more that was taken in, the worse.
     monkeypatch.setattr(shortlist, "log_likelihood", lambda hypothesis, _: -99.0 * len(hypothesis.accepted))
-    assert (choose(arm, stage, weighed, weighed) is not None) == is_told
+    assert (choose(arm, stage, weighed, weighed) is not None) == is_found
 
 
-@pytest.mark.parametrize(("evidence", "is_told"), [(29.0, False), (31.0, True)])
-def test_what_bends_all_parameters_is_told_by_all_runs_where_left_out_ones_lose(
-    arm, monkeypatch, evidence, is_told
+@pytest.mark.parametrize(("evidence", "is_found"), [(29.0, False), (31.0, True)])
+def test_what_bends_all_parameters_is_found_by_all_runs_where_left_out_ones_lose(
+    arm, monkeypatch, evidence, is_found
 ):
     """Where the one fast run is left out, parameters are extrapolated to it."""
     prepared = prepare(
@@ -100,7 +100,7 @@ def test_what_bends_all_parameters_is_told_by_all_runs_where_left_out_ones_lose(
     weighed = weigh(stage, Bank(stage.base, candidates(prepared, only=["torque_gain_error"])))[:1]
     monkeypatch.setattr(shortlist, "log_likelihood", lambda hypothesis, _: -99.0 * len(hypothesis.accepted))
     monkeypatch.setattr(shortlist, "log_posterior", lambda hypothesis, _: evidence * len(hypothesis.accepted))
-    assert (choose(arm, stage, weighed, weighed) is not None) == is_told
+    assert (choose(arm, stage, weighed, weighed) is not None) == is_found
 
 
 @pytest.mark.parametrize(("stiffness", "doubling"), [(100, 0.004), (100, 0.02), (100, None), (40, 0.08)])
