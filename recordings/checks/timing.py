@@ -82,11 +82,16 @@ def _rests(name: str, recording: Recording) -> list[Finding]:
     moving = np.flatnonzero(speed > AT_REST)
     if not len(moving):
         return []
-    before, after = int(moving[0]), int(len(speed) - 1 - moving[-1])
+    # The window of the last speed at rest ends where the motion begins.
+    before, after = (
+        int(still) + 2 * reach if still else 0 for still in (moving[0], len(speed) - 1 - moving[-1])
+    )
     if (before + after) / len(position) < REST:
         return []
-    rate = recording.sample_rate
-    sentence = (
-        f"at rest for {before / rate:.2g} s before and {after / rate:.2g} s after the motion: not counted"
-    )
+    rests = [
+        f"{samples / recording.sample_rate:.2g} s {when}"
+        for samples, when in ((before, "before"), (after, "after"))
+        if samples
+    ]
+    sentence = f"at rest for {' and '.join(rests)} the motion: not counted"
     return [Finding(Severity.NOTE, "rest", sentence, run=name, field="time")]

@@ -79,4 +79,6 @@ def test_torque_that_is_put_to_zero_at_rest_is_reported_and_stops_nothing(robot,
         reference_velocity=None,
     )
     assert _found(robot, rested)["zero_at_rest"] == (Severity.WARN, robot.joint_names)
-    assert {"rest", "zero_at_rest"} <= {each.code for each in run_checks(robot, {"run": rested})}
+    found = {each.code: each.sentence for each in run_checks(robot, {"run": rested})}
+    assert found["rest"] == f"at rest for {500 / healthy.sample_rate:.2g} s before the motion: not counted"
+    assert "zero_at_rest" in found
