@@ -18,9 +18,10 @@ from testbench.progress import Steps, steps
 from testbench.robot import Robot, load_robot, print_notes
 from testbench.runs import by_path, read_runs, run_names
 
-from .correction.closed_loop_gap import ForwardGap, forward_gap, gap_as_given
+from .correction.closed_loop_gap import forward_gap, gap_as_given
 from .correction.corrected_mjcf import Written, write_corrected
 from .correction.correction_document import DOCUMENT
+from .correction.forward_gap import ForwardGap
 from .decision.findings import Diagnosis
 from .diagnose import diagnose, diagnose_prepared
 from .experiment.discriminating_motion import NextExperiment, next_experiment

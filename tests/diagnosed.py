@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.correction.closed_loop_gap import ForwardGap, forward_gap, gap_as_given
+from diagnosis.correction.closed_loop_gap import forward_gap, gap_as_given
+from diagnosis.correction.forward_gap import ForwardGap
 from diagnosis.data.preparation import prepare
 from diagnosis.data.run import Prepared
 from diagnosis.decision.findings import Diagnosis, Gap, NamedEffect, RankedCandidate
@@ -13,7 +14,8 @@ from diagnosis.fit.linearisation import first_linearised
 from diagnosis.fit.normal_equations import fit
 from diagnosis.held_out.shrinkage import everything
 from diagnosis.model.base_regressor import BaseRegressor
-from diagnosis.model.candidates import Candidate, candidate
+from diagnosis.model.candidate import Candidate
+from diagnosis.model.candidates import candidate
 from diagnosis.model.hypothesis import design
 from diagnosis.residual.localisation import where
 from diagnosis.residual.noise import noise

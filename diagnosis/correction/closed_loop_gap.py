@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -22,27 +22,13 @@ from testbench.simulation.controller import KINDS
 from ..data.run import filter_cutoff
 from ..decision.findings import STAGES, Diagnosis
 from .corrected_mjcf import corrected_simulator, reidentified_simulator, robot_with
+from .forward_gap import ForwardGap
 
 Array = NDArray[np.float64]
 
 # So much of the logs is run, s, the first runs first: forward simulation shows, it does not decide.
 MOST_SECONDS = 60.0
 PHYSICS_TIMESTEP = 2e-4
-
-
-@dataclass(frozen=True)
-class ForwardGap:
-    """Simulated less logged, RMS a joint over the runs, by stage: nominal, parameters, effects.
-
-    runs: names. seconds: simulated. motion: stage to (n,) rad (m). torque: stage to (n,) N·m (N), both
-    below the diagnosis's cut-off. failed: stage to why it did not run.
-    """
-
-    runs: tuple[str, ...]
-    seconds: float
-    motion: dict[str, Array]
-    torque: dict[str, Array]
-    failed: dict[str, str] = field(default_factory=dict)
 
 
 def gap_as_given(

@@ -26,7 +26,7 @@ from testbench.robot import Robot, load_robot
 from ..decision.findings import Diagnosis, NamedEffect
 from ..fit.normal_equations import Fit, fitted_to, standard_values
 from ..model.base_regressor import BaseRegressor
-from ..model.candidates import Candidate
+from ..model.candidate import Candidate
 from ..model.hypothesis import Design
 from .corrected_model import corrected_model
 from .file_error import FileError, file_error

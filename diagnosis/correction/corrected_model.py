@@ -2,7 +2,7 @@
 
 from ..decision.findings import Diagnosis
 from ..fit.normal_equations import Fit, standard_values
-from ..held_out.recurring_push import Recurrence
+from ..held_out.recurrence import Recurrence
 from ..held_out.shrinkage import Kept
 from ..model.hypothesis import Design
 from .correction_document import Corrected, Term

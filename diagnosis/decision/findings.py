@@ -14,9 +14,9 @@ from testbench.robot import Robot
 from ..data.run import Prepared
 from ..fit.normal_equations import Fit, standard_values
 from ..held_out.difference import Difference
-from ..held_out.recurring_push import Recurrence
+from ..held_out.recurrence import Recurrence
 from ..held_out.shrinkage import Kept
-from ..model.candidates import Candidate, Place
+from ..model.candidate import Candidate, Place
 from ..model.hypothesis import Design
 from ..residual.shares import Share
 

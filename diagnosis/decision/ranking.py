@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from ..fit.shape_covariance import covariance_with_shapes
-from ..model.candidates import Candidate
+from ..model.candidate import Candidate
 from ..plausibility.accepted import Accepted
 from .attribution import Attribution
 from .findings import NamedEffect, RankedCandidate

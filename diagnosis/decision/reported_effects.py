@@ -13,7 +13,7 @@ from ..data.run import Prepared
 from ..fit.likelihood import Weighed, gained_by_shift
 from ..fit.normal_equations import Fit, squares
 from ..fit.score import Stage
-from ..model.candidates import Candidate
+from ..model.candidate import Candidate
 from ..model.effect_sizes import is_beyond_healthy, is_excessive, times_healthy
 from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from ..plausibility.accepted import Accepted

@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from testbench.effects import effect
 from testbench.torque_lag import IN_TIME, TorqueLag, with_derivatives
 
-from ..model.candidates import DELAY
+from ..model.candidate import DELAY
 from ..model.hypothesis import Design, bounds, design, log_prior, scaled_precision
 from .bounded import solve
 from .normal_equations import Fit, log_of_squares

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from testbench.effects.signature import Member
 from testbench.robot import Robot
 
-from ..model.candidates import Candidate, candidate
+from ..model.candidate import Candidate
+from ..model.candidates import candidate
 from ..model.effect_sizes import is_plausible
 from ..model.hypothesis import Design, design
 from .likelihood import likeliest_of

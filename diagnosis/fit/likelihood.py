@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from testbench.effects.signature import Family, Member
 
-from ..model.candidates import Candidate, Place, candidate
+from ..model.candidate import Candidate, Place
+from ..model.candidates import candidate
 from ..model.gram import Bank
 from ..model.hypothesis import Design, log_prior
 from .normal_equations import Fit, log_of_squares, squares
@@ -30,6 +31,8 @@ Array = NDArray[np.float64]
 # How sharply a difference in log-likelihood is believed: misfit is not noise. No law is quite the robot's, so
 # a difference also counts against this share of what is explained at all.
 TEMPERATURE, OF_EXPLAINED = 4.0, 0.02
+# Log-likelihood by which one hypothesis is clearly favoured over another: by misfit alone any gains some.
+SURELY = 8.0
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from testbench.effects import effect
 
 from ..data.run import Prepared
 from ..model.base_regressor import BaseRegressor
-from ..model.candidates import ZERO, Candidate, candidate
+from ..model.candidate import ZERO, Candidate
+from ..model.candidates import candidate
 from ..model.hypothesis import Design
 from .delay import likeliest_delay
 from .encoder_zeros import likeliest_zero

@@ -14,7 +14,7 @@ from identification.covariance import variance_inflation
 
 from ..data.run import Prepared
 from ..model.base_regressor import BaseRegressor
-from ..model.candidates import Candidate
+from ..model.candidate import Candidate
 from ..model.hypothesis import Design, bounds, design, likeliest_scales, scaled_precision
 from .bounded import RIDGE, solve
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.base_regressor import BaseRegressor
-from ..model.candidates import Candidate
+from ..model.candidate import Candidate
 from ..model.gram import Bank
 from ..model.hypothesis import Design, design, log_prior, scaled_precision
 from .active_set import Inverse, at_bounds

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from testbench.effects.signature import Member
 
-from ..model.candidates import Candidate, candidate
+from ..model.candidate import Candidate
+from ..model.candidates import candidate
 from ..model.hypothesis import Design, scaled_precision
 from .normal_equations import Fit
 from .shape_search import ranges, share_of, within

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from testbench.effects.signature import Member
 
-from ..model.candidates import Candidate
+from ..model.candidate import Candidate
 
 Array = NDArray[np.float64]
 

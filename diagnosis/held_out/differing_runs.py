@@ -19,8 +19,9 @@ from testbench.effects.signature import Quantity
 from ..data.run import Prepared, Run
 from ..fit.normal_equations import Fit, fitted_to
 from ..model.base_regressor import BaseRegressor
-from ..model.candidates import Candidate, candidate
-from ..model.effect_sizes import is_plausible
+from ..model.candidate import Candidate
+from ..model.candidates import candidate
+from ..model.effect_sizes import SMALLEST_TORQUE, is_plausible
 from ..model.hypothesis import Design, scaled_precision
 from .difference import FRICTION, OFFSETS, PAYLOAD, Difference
 from .known_payload import known_payloads
@@ -30,9 +31,6 @@ Array = NDArray[np.float64]
 # Runs differ where this share of the weighted squares that all runs leave goes with what they have of their
 # own, and each by this many standard deviations of its payload's mass, or of an offset.
 SHARE, SURELY = 0.4, 8.0
-# And a mass is of this share of the arm's links, an offset or Coulomb friction of this share of the joint's
-# torque, at least.
-LEAST_MASS, LEAST_OFFSET = 0.005, 0.02
 # Of the weighted squares at least this share is noise, not what one run has of its own.
 LEAST_LEFT = 0.01
 
@@ -207,15 +205,16 @@ def _is_large(base: BaseRegressor, own: _Own, index: int) -> bool:
     """Whether a payload could be one, or offsets or friction are not next to nothing, and that is sure."""
     prepared, coefficients, variances = base.prepared, own.coefficients[index], np.diag(own.covariance[index])
     if own.columns.payload is not None:
+        # What is no less of the links' mass than an effect must be of the torque.
         mass, deviation = coefficients[MASS], np.sqrt(variances[MASS])
         links = float(prepared.nominal.reshape(-1, PER_JOINT)[:, MASS].sum())
-        sure = mass > max(SURELY * deviation, LEAST_MASS * links)
+        sure = mass > max(SURELY * deviation, SMALLEST_TORQUE * links)
         return bool(sure) and is_plausible(prepared.robot, own.columns.payload, coefficients)
     # Of friction, Coulomb's.
     n = prepared.joints
     deviations = np.sqrt(np.maximum(variances[-n:], np.finfo(float).tiny))
     values = np.abs(coefficients[-n:])
-    large = values > LEAST_OFFSET * base.torque_rms
+    large = values > SMALLEST_TORQUE * base.torque_rms
     return bool(np.any(large & (values > SURELY * deviations)))
 
 

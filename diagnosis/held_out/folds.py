@@ -5,22 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..data.preparation import blocks
+from ..data.preparation import FEWEST_FOLDS, blocks
 from ..data.run import Prepared
 from ..fit.likelihood import gained
 from ..fit.normal_equations import fitted_to, is_extrapolated, squares
 from ..fit.score import Stage
 from ..model.base_regressor import BaseRegressor
+from ..model.effect_sizes import SMALLEST_TORQUE
 from ..model.gram import Bank
 
-# A run is extrapolated to where that leaves no less than this share of the joint's torque.
-SEEN = 0.01
-# Then it is left out in so many parts: of one run, of each of two, ..., the last of each of more. All folds
-# together are what a fit costs.
-PARTS = (12, 6, 3, 3, 3, 3, 2)
+# A single run is left out in so many parts, each of two in half as many: all folds are what a fit costs.
+PARTS = 12
 # An effect that gains this log-likelihood in one run, which is this share of all that it gains, and that the
 # others hardly predict: less than this share of it.
-TOLD, OF_ONE, PREDICTED = 30.0, 0.9, 0.5
+SHOWN, OF_ONE, PREDICTED = 30.0, 0.9, 0.5
 
 
 def covered(prepared: Prepared) -> Prepared:
@@ -32,7 +30,7 @@ def covered(prepared: Prepared) -> Prepared:
     if len(prepared.runs) > 1:
         alone.update(np.flatnonzero(np.any(prepared.moved_alone, axis=1)).tolist())
     for index in range(len(prepared.runs)):
-        least = (SEEN * torque) ** 2 * np.maximum(hypothesis.used[index].sum(axis=0), 1)
+        least = (SMALLEST_TORQUE * torque) ** 2 * np.maximum(hypothesis.used[index].sum(axis=0), 1)
         without, together = squares([fitted.held_out[index]]), squares([fitted.residual[index]])
         if np.any(is_extrapolated(together, without) & (without > least)):
             alone.add(index)
@@ -47,7 +45,7 @@ def covered_for(stage: Stage, bank: Bank) -> Prepared:
     for members, own_squares in zip(bank.groups, bank.squares, strict=True):
         for index, squared in zip(members, own_squares, strict=True):
             gain = gains[index]
-            if gain is None or gain.objective < 2 * TOLD:
+            if gain is None or gain.objective < 2 * SHOWN:
                 continue
             done = np.einsum("j,a,fjab,b->f", stage.weights, gain.coefficients, squared, gain.coefficients)
             of_runs = np.bincount(runs, done)
@@ -58,7 +56,7 @@ def covered_for(stage: Stage, bank: Bank) -> Prepared:
 
 def _in_parts(prepared: Prepared, alone: Collection[int]) -> Prepared:
     """The runs with some of them left out in parts; unchanged where none of those is left out as a whole."""
-    parts = PARTS[min(len(prepared.runs), len(PARTS)) - 1]
+    parts = max(PARTS >> len(prepared.runs) - 1, FEWEST_FOLDS)
     folds: list[tuple[int, slice]] = []
     for index, run in enumerate(prepared.runs):
         own = [part for at, part in prepared.folds if at == index]

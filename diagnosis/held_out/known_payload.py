@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 from identification.parameters import MASS
 
 from ..model.base_regressor import BaseRegressor
-from ..model.candidates import Candidate
+from ..model.candidate import Candidate
 from ..model.hypothesis import INDEPENDENT
 
 Array = NDArray[np.float64]

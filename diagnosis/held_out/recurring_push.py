@@ -1,7 +1,6 @@
 """A push that comes in every run alike, so that each run predicts it in the others."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from operator import itemgetter
 
 import numpy as np
@@ -11,8 +10,10 @@ from scipy.optimize import minimize
 from testbench.effects.push import ABRUPT, BELL, KINDS, common_times, narrowed
 
 from ..fit.normal_equations import Fit
-from ..model.candidates import Candidate, candidate
+from ..model.candidate import Candidate
+from ..model.candidates import candidate
 from ..model.hypothesis import Design
+from .recurrence import Recurrence
 
 Array = NDArray[np.float64]
 
@@ -21,14 +22,6 @@ PREDICTED = 0.7
 # Of the columns' squares, against loads that these runs do not distinguish.
 RIDGE = 1e-4
 REFINEMENTS, STEP = 30, 0.02
-
-
-@dataclass(frozen=True)
-class Recurrence:
-    """A push of every run. member: of its family, with when it is. coefficients: (k,), of all runs."""
-
-    pushed: Candidate
-    coefficients: Array
 
 
 def recurrence(hypothesis: Design, fitted: Fit) -> Recurrence | None:

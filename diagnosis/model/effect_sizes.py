@@ -12,9 +12,12 @@ from testbench.effects.signature import Quantity
 from testbench.effects.size import typical_range
 from testbench.robot import Robot
 
-from .candidates import Candidate
+from .candidate import Candidate
 
 Array = NDArray[np.float64]
+
+# Share of a joint's RMS torque from which an effect is worth fitting.
+SMALLEST_TORQUE = 0.005
 
 
 def is_excessive(robot: Robot, candidate: Candidate, coefficients: Array, share: float) -> bool:

@@ -15,7 +15,8 @@ from testbench.effects.columns import ColumnsByInstant, ColumnsByRun, on_one_joi
 from testbench.effects.logged import Logged
 
 from ..data.run import Prepared
-from .candidates import FREE, Candidate, without_law
+from .candidate import FREE, Candidate
+from .candidates import without_law
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .base_regressor import MOST_KEPT, BaseRegressor
-from .candidates import Candidate
+from .candidate import Candidate
 
 Array = NDArray[np.float64]
 

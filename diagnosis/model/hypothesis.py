@@ -16,7 +16,7 @@ from identification.parameters import ARMATURE, COULOMB, INERTIAL, OFFSET, PER_J
 
 from ..data.run import Prepared
 from .base_regressor import BaseRegressor
-from .candidates import Candidate
+from .candidate import Candidate
 
 Array = NDArray[np.float64]
 

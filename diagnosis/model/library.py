@@ -13,7 +13,8 @@ import numpy as np
 from testbench.effects import effects
 
 from ..data.run import Prepared
-from .candidates import Candidate, candidates
+from .candidate import Candidate
+from .candidates import candidates
 from .free_functions import generic_candidates
 
 # Columns are the same where no joint's load differs by more than this share of it.

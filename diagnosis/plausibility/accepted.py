@@ -11,7 +11,7 @@ from ..fit.likelihood import Weighed
 from ..fit.normal_equations import Fit, fitted_to
 from ..fit.score import Stage
 from ..model.base_regressor import BaseRegressor
-from ..model.candidates import Candidate
+from ..model.candidate import Candidate
 from ..model.hypothesis import Design
 from ..residual.localisation import share_left
 from ..residual.shares import Unclaimed

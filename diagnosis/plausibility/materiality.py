@@ -12,13 +12,13 @@ from testbench.robot import Robot
 
 from ..fit.likelihood import Weighed, by_chance, gained, gained_by_shift, gained_elsewhere
 from ..fit.score import Gain, Stage
-from ..model.effect_sizes import is_beyond_healthy
+from ..model.effect_sizes import SMALLEST_TORQUE, is_beyond_healthy
 from ..model.hypothesis import LATE
 
 Array = NDArray[np.float64]
 
-# Share of a joint's held-out squared residual, and of its RMS torque, that an effect must explain ...
-SMALLEST_SHARE, SMALLEST_TORQUE = 0.10, 0.005
+# Share of a joint's held-out squared residual that an effect must explain, besides of its torque ...
+SMALLEST_SHARE = 0.10
 # ... or the log-likelihood of the parameters' shift that it must spare, where they absorb this share of its
 # columns, and what must be left of that with what it does to runs left out.
 SMALLEST_SHIFT, SMALLEST_SUM, ABSORBED = 7.5, 6.0, 0.9

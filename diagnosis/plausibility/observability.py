@@ -10,7 +10,7 @@ from testbench.effects.size import typical_range
 from testbench.robot import Robot
 
 from ..fit.likelihood import Weighed
-from ..model.candidates import Candidate
+from ..model.candidate import Candidate
 from ..model.effect_sizes import size
 from .materiality import SMALLEST_WALD
 

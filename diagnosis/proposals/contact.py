@@ -11,39 +11,34 @@ from identification.chain import Chain
 from testbench.effects.external_contact import pushes, windows, withstood
 from testbench.effects.logged import Logged
 
-from ..fit.likelihood import Weighed, odds
+from ..fit.likelihood import SURELY, Weighed, odds
 from ..fit.normal_equations import Fit, log_of_squares, squares, standard_values
 from ..fit.score import Gain, Stage
-from ..model.candidates import SATURATION, Candidate, Place, in_parallel
+from ..model.candidate import SATURATION, Candidate, Place
+from ..model.candidates import in_parallel
 from ..model.gram import Bank
 from ..model.hypothesis import Design
+from ..residual.unexplained import SMALLEST_SHARE as PREDICTED
 from ..residual.unexplained import fitted_shares, predicted_shares
 
 Array = NDArray[np.float64]
 
-# Considered where this share of the time, in blocks of so many samples, holds that much of a joint's squared
-# residual beyond noise; named where it explains as much.
-BURST_TIME, BURST, BURST_SHARE, SMALLEST_SHARE = 0.1, 20, 0.5, 0.6
-# Or so much of it, where it is one joint alone that it explains: that may be anything that passes quickly.
-ALONE = 0.8
+# Blocks of so many samples, and the share of them that a burst is in.
+BURST, BURST_TIME = 20, 0.1
+# Share of a joint's squared residual beyond noise that is in bursts, and that a push explains: more than any
+# function of the motion fits.
+SMALLEST_SHARE = 0.7
 # Blocks of this share of the largest one's are of a burst: another run may be pushed a fifth as hard.
 BURST_HEIGHT = 0.04
-# And what it holds is this share of the joint's RMS torque over all the time.
+# And of so many times noise, which is what the block in the middle has.
+BEYOND_NOISE = 8.0
+# What a burst holds is this share of the joint's RMS torque over all the time.
 BURST_TORQUE = 0.01
-# Noise is what the block in the middle has: the highest is so many times that, and each of a burst so many.
-BURST_HEIGHT_NOISE, BEYOND_NOISE = 8.0, 3.0
-# Share of the joint's squared residual from which a function of the motion is the cause.
-PREDICTED = 0.25
-# And share that one fits of it, though it does not predict it: runs may reach different places. Up to the
-# second, a push that leaves so much less is likelier: anything fits a part of a burst.
-FITTED, MOSTLY_FITTED, LESS_LEFT = 0.5, 0.8, 0.25
 # s: what is shorter, the filter does not resolve: a shock of the reference, a sample that went astray.
 SHORTEST = 0.12
 # No push loads a joint with so many times its drive's limit, or the largest torque of these runs where it has
-# none; one that is fitted may, where joints that do not move tell nothing of what loads them.
+# none; one that is fitted may, where joints that do not move show nothing of what loads them.
 LARGEST_LOAD = 3.0
-# Log-likelihood that a push must add beyond the price of its coefficients.
-SMALLEST_GAIN = 7.5
 # What by the weights of the hypothesis before gains less than this share of the most is not fitted in full.
 WORTH_A_FIT = 0.5
 # No push has a profile of ours to better than a tenth of its torque: its residual identifies no link.
@@ -82,38 +77,25 @@ def contact(
     it was seen, and pays for its coefficients instead (Akaike). free: candidates of generic.py; a joint whose
     residual one of them predicts was not pushed.
     """
-    predicted = predicted_shares(stage, free)
-    fitted = fitted_shares(stage, free)
     bursts, noise = _in_bursts(stage)
+    predicted, fitted = predicted_shares(stage, free), fitted_shares(stage, free)
     # What a limit that clips softly leaves is in bursts, too.
     clipped = stage.hypothesis.joints_with(SATURATION)
-    unpredicted = [j for j in bursts if predicted[j] < PREDICTED and j not in clipped]
-    pushed = dict.fromkeys(
-        tuple(j for j in unpredicted if fitted[j] < most) for most in (FITTED, MOSTLY_FITTED)
-    )
+    pushed = [
+        j for j in bursts if predicted[j] < PREDICTED and fitted[j] < SMALLEST_SHARE and j not in clipped
+    ]
     # So is what bristles leave that were bent when a run began.
-    bristled = stage.hypothesis.yielding
-    considered = [joints for joints in pushed if not bristled.issuperset(joints)]
-    if not considered:
-        return None
-    logged = _without_effects(stage)
-    found = (_likeliest(stage, logged, joints, fitted, bursts, noise) for joints in considered)
-    return next((each for each in found if each is not None), None)
+    return None if stage.hypothesis.yielding.issuperset(pushed) else _likeliest(stage, pushed, bursts, noise)
 
 
 def _likeliest(
-    stage: Stage,
-    logged: Sequence[Logged],
-    pushed: Sequence[int],
-    fitted: Array,
-    bursts: Mapping[int, set[tuple[int, int]]],
-    noise: Array,
+    stage: Stage, pushed: Sequence[int], bursts: Mapping[int, set[tuple[int, int]]], noise: Array
 ) -> tuple[Weighed, tuple[tuple[Weighed, float], ...], tuple[Design, Fit]] | None:
     """The likeliest push that these joints bear, its rivals, and the fit, as of ``contact``.
 
-    logged: as of ``_without_effects``. fitted: as of ``fitted_shares``. bursts, noise: as of ``_in_bursts``.
+    bursts, noise: as of ``_in_bursts``.
     """
-    least = {j: 1 - LESS_LEFT * (1 - fitted[j]) for j in pushed if fitted[j] >= FITTED}
+    logged = _without_effects(stage)
     # A force loads the joints before its link, though perhaps with no arm on the last; others may shake.
     together = [j for j in pushed if _are_together(bursts[j], bursts[pushed[0]])]
     last = together[-1]
@@ -131,14 +113,14 @@ def _likeliest(
     most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
     likeliest: dict[int, _Push] = {}
     for gain in _worth_a_fit(gains):
-        push, link = _fitted(stage, gain, noise, list(bursts), least), gain.candidate.family.joint
+        push, link = _fitted(stage, gain, noise, list(bursts)), gain.candidate.family.joint
         assert link is not None
         if push is None or not _is_bearable(push, most):
             continue
         if link not in likeliest or push.score > likeliest[link].score:
             likeliest[link] = push
     best = max((push.score for push in likeliest.values()), default=0.0)
-    if best < SMALLEST_GAIN:
+    if best < SURELY:
         return None
     before = [NO_ARM ** len(set(chain.path(link)).difference(together)) for link in likeliest]
     probability = odds([push.of_link for push in likeliest.values()], best, before)
@@ -174,21 +156,14 @@ def _are_together(one: Set[tuple[int, int]], other: Set[tuple[int, int]]) -> boo
     return len(one & other) > TOGETHER * min(len(one), len(other))
 
 
-def _fitted(
-    stage: Stage, gain: Gain, noise: Array, bursts: Sequence[int], least: Mapping[int, float]
-) -> _Push | None:
-    """A push fitted in full; None where it explains too little of the joints' bursts.
+def _fitted(stage: Stage, gain: Gain, noise: Array, bursts: Sequence[int]) -> _Push | None:
+    """A push fitted in full; None where it explains too little of every joint's bursts.
 
-    noise: (n,) what of each joint's squared residual would be there without any burst. least: what of a
-    joint must be explained where a function of the motion fits most of it.
+    noise: (n,) what of each joint's squared residual would be there without any burst.
     """
     before, trial = squares(stage.fitted.residual), stage.with_effects([gain.candidate])
     after, count = squares(trial[1].residual), gain.candidate.count
-    explained = _explained(before, after, noise)
-    if any(explained[joint] <= share for joint, share in least.items()):
-        return None
-    explained = explained[bursts]
-    if explained.max() <= (SMALLEST_SHARE if np.sum(explained > SMALLEST_SHARE) > 1 else ALONE):
+    if _explained(before, after, noise)[bursts].max() <= SMALLEST_SHARE:
         return None
     left, floor = (each / np.maximum(before, 1e-300) for each in (after, noise))
     of_profile = PROFILE**2 * np.maximum(1 - floor, 0.0)
@@ -253,17 +228,17 @@ def _without_effects(stage: Stage) -> list[Logged]:
         for each, part in zip(stage.hypothesis.accepted, stage.hypothesis.parts, strict=True):
             tau -= each.member.spread(index, stage.prepared.joints) @ stage.fitted.values[part]
         logged = replace(run.logged, tau=tau, parameters=standard, carried=None, beside=None)
-        found.append(_where_told(logged, run.kept, stage.hypothesis.used[index]))
+        found.append(_where_counted(logged, run.kept, stage.hypothesis.used[index]))
     return found
 
 
-def _where_told(logged: Logged, kept: NDArray[np.int64], used: NDArray[np.bool_]) -> Logged:
+def _where_counted(logged: Logged, kept: NDArray[np.int64], used: NDArray[np.bool_]) -> Logged:
     """A run whose residual is made up where samples do not count. used: (M, n) of those kept."""
     residual, samples = logged.residual.copy(), np.arange(logged.samples)
     for joint, own in enumerate(used.T):
-        told = np.interp(samples, kept, own) > 0.5
-        if told.any():
-            residual[~told, joint] = np.interp(samples[~told], samples[told], residual[told, joint])
+        counts = np.interp(samples, kept, own) > 0.5
+        if counts.any():
+            residual[~counts, joint] = np.interp(samples[~counts], samples[counts], residual[counts, joint])
     return replace(logged, tau=logged.predicted + residual)
 
 
@@ -281,12 +256,12 @@ def _in_bursts(stage: Stage) -> tuple[dict[int, set[tuple[int, int]]], Array]:
         noise[joint] = min(middle * samples, noise[joint])
         largest = sorted(blocks, key=lambda place: -blocks[place])[: max(round(BURST_TIME * len(blocks)), 1)]
         burst = sum(blocks[place] - middle for place in largest)
-        enough = (BURST_TORQUE * stage.base.torque_rms[joint]) ** 2 * len(blocks)
         beyond = sum(blocks.values()) - middle * len(blocks)
-        highest = blocks[largest[0]]
-        if burst > BURST_SHARE * beyond and burst > enough and highest > BURST_HEIGHT_NOISE * middle:
-            least = max(BURST_HEIGHT * highest, BEYOND_NOISE * middle)
-            found[joint] = {place for place in largest if blocks[place] > least}
+        enough = (BURST_TORQUE * stage.base.torque_rms[joint]) ** 2 * len(blocks)
+        least = max(BURST_HEIGHT * blocks[largest[0]], BEYOND_NOISE * middle)
+        high = {place for place in largest if blocks[place] > least}
+        if high and burst > max(SMALLEST_SHARE * beyond, enough):
+            found[joint] = high
     return found, noise
 
 

@@ -1,7 +1,7 @@
 """A drive that reports the torque it gave: its limit leaves nothing to explain, but a flat top.
 
-Along the measured motion such a robot has no gap. What tells is that the torque stays at one level while
-gravity and friction go on changing, again and again, and is never beyond; or that more was commanded.
+Along the measured motion such a robot has no gap. What shows the limit is that the torque stays at one level
+while gravity and friction go on changing, again and again, and is never beyond; or that more was commanded.
 """
 
 from collections.abc import Sequence
@@ -16,21 +16,20 @@ from testbench.effects import effect
 from testbench.effects.logged import Logged
 
 from ..data.run import DEAD_ZONE, Prepared
-from ..model.candidates import SATURATION, Candidate, candidate
+from ..model.candidate import SATURATION, Candidate
+from ..model.candidates import candidate
 
 Array = NDArray[np.float64]
 
 # A top is so many standard deviations of the noise to either side, and no less than this share of its level.
 DEVIATIONS, SMALLEST_WIDTH = 4.0, 0.0075
-# The so many largest torques may be beyond it by chance, and this share of those that are within it.
-LARGEST, BEYOND = 8, 0.02
+# Share that may be beyond the level by chance; and, of what is short of its command, not at the level.
+ELSEWHERE = 0.05
 # A smooth peak has 2.4 times as many samples within its top as in what is as wide below it, and a plateau of
 # a slow sweep or of a constant acceleration may have any.
 FLAT, FEWEST, TIMES = 6.0, 15, 3
-# This share of what is short of its command is at the level. Seconds by which the two may be apart.
-MOSTLY, SKEW = 0.8, 1e-3
-# Seconds between one time at the limit and the next.
-APART = 0.05
+# Seconds without clipping that part one time at the limit from the next.
+APART = 0.1
 # A limit that the model has is no gap.
 OF_LIMIT = 0.97
 
@@ -73,14 +72,14 @@ def _cut_off(runs: Sequence[Logged], joint: int, step: float) -> float | None:
     level = float(np.median(size[short]))
     at_level = np.mean(np.abs(size[short] - level) <= width)
     beyond = np.sum(size > level + width)
-    return level if at_level > MOSTLY and beyond <= BEYOND * np.sum(short) else None
+    return level if at_level > 1 - ELSEWHERE and beyond <= ELSEWHERE * np.sum(short) else None
 
 
 def _asked(run: Logged, joint: int) -> Array:
-    """Smallest torque command around each sample's time, (N,) N·m, in the direction of the logged torque."""
+    """Smallest torque command within a sample of each, (N,) N·m, in the direction of the logged torque."""
     assert run.torque_command is not None
     command = np.sign(run.tau[:, joint]) * run.torque_command[:, joint]
-    return minimum_filter1d(command, 2 * int(np.ceil(SKEW * run.sample_rate)) + 1)
+    return minimum_filter1d(command, 3)
 
 
 def _noise(torque: Sequence[Array]) -> float:
@@ -95,14 +94,14 @@ def _top(torque: Sequence[Array], step: float) -> _Top | None:
     pooled = np.sort(np.concatenate(size))
     if len(pooled) < FEWEST or pooled[-1] == 0:
         return None
-    highest = float(pooled[-LARGEST])
+    highest = float(pooled[-FEWEST])
     width = max(DEVIATIONS * _noise(torque), SMALLEST_WIDTH * highest, step)
     level = float(np.median(pooled[np.abs(pooled - highest) < 2 * width]))
     inside = [np.abs(each - level) <= width for each in size]
     below = [np.abs(each - level + 2 * width) < width for each in size]
     flat = [i.sum() >= FEWEST and i.sum() > FLAT * b.sum() for i, b in zip(inside, below, strict=True)]
     beyond = float(np.sum(pooled > level + width))
-    if not any(flat) or beyond > BEYOND * sum(float(i.sum()) for i in inside):
+    if not any(flat) or beyond > ELSEWHERE * sum(float(i.sum()) for i in inside):
         return None
     if level <= width:
         return None

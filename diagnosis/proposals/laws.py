@@ -10,17 +10,15 @@ from testbench.effects.signature import Family, Member
 from testbench.robot import Robot
 
 from ..fit.delay import likeliest_delay
-from ..fit.likelihood import Weighed, gained, likeliest_of, log_likelihood, log_posterior, price
+from ..fit.likelihood import SURELY, Weighed, gained, likeliest_of, log_likelihood, log_posterior, price
 from ..fit.score import Stage
 from ..fit.shape_search import search, searched_for
-from ..model.candidates import DELAY, candidate
+from ..model.candidate import DELAY
+from ..model.candidates import candidate
 from ..model.effect_sizes import is_plausible, quantities
 from .ripple_peaks import RIPPLE, second_waves
 
 CABLE = DESCRIPTION.name
-# Log-posterior of all runs together, less its price, by which a cable surely hardens, or a wave is more than
-# one: first moments take up much of any, and bent parameters predict left-out runs by chance.
-SURELY = 10.0
 # First step of a refinement, as a share of the shape's range, and how many shapes are tried; where several go
 # together, more of an accepted effect.
 STEP, TRIED, MORE_TRIED = 0.12, 14, 50
@@ -72,7 +70,7 @@ def _cable(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
     members = [each for each in family.members if each.law == HARDENING]
     hoses = [found] if hardens else _best_of(robot, stage, family, members)
     hose = max([*hoses, *_hardly_hardening(robot, stage, line)], key=lambda each: each.score, default=line)
-    if hose.score <= line.score or _told(stage, hose, line) < 0:
+    if hose.score <= line.score or _favoured_by(stage, hose, line) < 0:
         return line
     # Where it rests has several likeliest places.
     starts = [each for member in members for each in likeliest_of(stage, family, [member])]
@@ -107,11 +105,14 @@ def _richer(robot: Robot, stage: Stage, found: Weighed) -> Weighed:
 
 
 def _surely(stage: Stage, other: Weighed, plain: Weighed) -> Weighed:
-    """An effect by another law where all runs together clearly favour it over the plain one; else that."""
-    return other if _told(stage, other, plain) > SURELY else plain
+    """An effect by another law where all runs together clearly favour it over the plain one; else that.
+
+    Left-out runs do not decide: bent parameters predict them by chance.
+    """
+    return other if _favoured_by(stage, other, plain) > SURELY else plain
 
 
-def _told(stage: Stage, other: Weighed, plain: Weighed) -> float:
+def _favoured_by(stage: Stage, other: Weighed, plain: Weighed) -> float:
     """Log-posterior of all runs together by which another law of an effect is likelier than the plain one."""
     simple, richer = (
         log_posterior(*stage.with_effects([each.candidate])) - price(stage.hypothesis, each.candidate)

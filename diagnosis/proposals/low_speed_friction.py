@@ -25,31 +25,27 @@ from ..data.run import DEAD_ZONE, Prepared
 from ..fit.likelihood import Weighed, gained, gained_by_shift
 from ..fit.normal_equations import standard_values
 from ..fit.score import Stage
-from ..model.candidates import Candidate, without_law
+from ..model.candidate import Candidate
+from ..model.candidates import without_law
 from ..model.gram import Bank
-from .standing_drive import apart_from_standing, standing_drives
+from .standing_drive import FEWEST, apart_from_standing, standing_drives
 
 Array = NDArray[np.float64]
 
-# rad/s (m/s): widths w that are tried, how far apart they are, and how precisely one is found from there.
-WIDTHS = (0.015, 0.025, 0.04, 0.065, 0.1, 0.16)
-APART, TOLERANCE = 1.6, 0.02
-# The form is a guess: up to so many widths, samples say nothing; where too few would be left, up to fewer.
-GUESSED = (2.5, 1.5)
-# Log-likelihood that it must gain, and the share of the Coulomb friction that must be missing near rest.
-SMALLEST_GAIN, SMALLEST_MISSING = 8.0, 0.3
-# And how much more than any effect of the joint it must explain: friction of real joints bends too.
+# Widths w, rad/s (m/s), and leads l, s, that are tried, each so many times the one before.
+TIMES = 1.6
+WIDTHS, LEADS = 0.015 * TIMES ** np.arange(6), 0.004 * TIMES ** np.arange(4)
+# How precisely the logarithm of one is found from there.
+TOLERANCE = 0.02
+# The form is a guess: up to so many widths, samples say nothing.
+GUESSED = 2.5
+# Share of the Coulomb friction that must be missing near rest, and that must turn early: where a joint sticks
+# at each reversal, half of it seems to.
+SMALLEST_MISSING, SMALLEST_LEADING = 0.3, 0.6
+# How much more than any effect of the joint it must explain: friction of real joints bends too.
 MORE = 1.3
-# Beside falling friction, which is near rest too, it must explain this share of what that does, either alone:
-# what a law leaves that is not quite the robot's looks soft as well.
-AS_MUCH = 0.5
-# And the share of the joint's samples that must be left.
-FEWEST = 0.25
-# s: leads l that are tried, how far apart they are, and the widths that each is tried with.
-LEADS, LEADS_APART, LEADING_WIDTHS = (0.0045, 0.0065, 0.0095, 0.014), 1.45, (0.0, 0.012)
-# Of so many joints, where there are as many: it is the simulator's, not a joint's. And this share of Coulomb
-# friction: where a joint sticks at each reversal, half of it seems to turn early.
-LEADING, SMALLEST_LEADING = 2, 0.6
+# Of so many joints, where there are as many, friction turns early: it is the simulator's, not a joint's.
+LEADING = 2
 
 
 @dataclass(frozen=True)
@@ -70,7 +66,8 @@ def lead_candidates(prepared: Prepared) -> list[Candidate]:
     if prepared.coulomb_lead > 0:
         return []
     joints = range(prepared.joints)
-    return [_ahead(prepared, j, lead, width) for j in joints for lead in LEADS for width in LEADING_WIDTHS]
+    # A simulator turns it within a narrow width, or at once.
+    return [_ahead(prepared, j, lead, width) for j in joints for lead in LEADS for width in (0.0, WIDTHS[0])]
 
 
 def soft_candidates(prepared: Prepared) -> list[Candidate]:
@@ -79,7 +76,7 @@ def soft_candidates(prepared: Prepared) -> list[Candidate]:
         _missing(prepared, joint, width)
         for joint, known in enumerate(prepared.coulomb_smoothing)
         for width in WIDTHS
-        if width > APART * known and _slowest(prepared, joint, width) is not None
+        if width > TIMES * known and _has_enough_above(prepared, joint, GUESSED * width)
     ]
 
 
@@ -89,7 +86,8 @@ def near_rest(stage: Stage, weighed: Sequence[Weighed], ahead: Bank, soft: Bank)
     weighed: gain of each catalogue effect over the stage's. ahead, soft: of ``lead_candidates`` and
     ``soft_candidates``.
     """
-    least = np.full(stage.prepared.joints, SMALLEST_GAIN)
+    # A coefficient and a shape must pay for themselves (BIC).
+    least = np.log(np.maximum(stage.independent, 1.0))
     for rival in weighed:
         if (joint := rival.candidate.family.joint) is not None:
             least[joint] = max(least[joint], MORE * rival.score)
@@ -119,7 +117,7 @@ def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> fl
         assert joint is not None
         if gain is None or gain.coefficients[0] < SMALLEST_LEADING * coulomb[joint]:
             continue
-        place = LEADS.index(shape["lead"]), joint
+        place = int(np.flatnonzero(shape["lead"] == LEADS)[0]), joint
         if (score := gained(stage, gain)) > explained[place]:
             explained[place], widths[place] = score, shape["width"]
     leading = np.flatnonzero(explained.max(axis=0) > least)
@@ -132,7 +130,7 @@ def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> fl
         tried = [_ahead(stage.prepared, int(j), lead, float(widths[best, j])) for j in leading]
         return -sum(gained(stage, gain) for gain in map(stage.gain, tried) if gain is not None)
 
-    return _likeliest(negative, LEADS[best], LEADS_APART)
+    return _likeliest(negative, LEADS[best])
 
 
 def _soft(stage: Stage, least: Array, soft: Bank) -> dict[int, float]:
@@ -156,20 +154,7 @@ def _soft(stage: Stage, least: Array, soft: Bank) -> dict[int, float]:
 
         return of_width
 
-    found = {joint: width for joint, width in found.items() if not _is_left(stage, joint, width)}
-    return {joint: _likeliest(negative(joint), width, APART) for joint, width in found.items()}
-
-
-def _is_left(stage: Stage, joint: int, width: float) -> bool:
-    """Whether softness is only what a joint's falling friction leaves: it explains little without that."""
-    accepted = stage.hypothesis.accepted
-    falling = [c for c in accepted if c.description.falls and c.family.joint == joint]
-    if not falling:
-        return False
-    rest = [c for c in accepted if c is not falling[0]]
-    alone = Stage.of(stage.base, rest)
-    soft, fall = alone.gain(_missing(stage.prepared, joint, width)), alone.gain(falling[0])
-    return fall is not None and (soft is None or gained(alone, soft) < AS_MUCH * gained(alone, fall))
+    return {joint: _likeliest(negative(joint), width) for joint, width in found.items()}
 
 
 def _coulomb(stage: Stage) -> Array:
@@ -180,7 +165,7 @@ def _coulomb(stage: Stage) -> Array:
 
 
 def with_friction_near_rest(prepared: Prepared, known: NearRest) -> Prepared:
-    """The runs with such Coulomb friction, less what is too slow for its form to tell."""
+    """The runs with such Coulomb friction, less what is too slow for its form to be known."""
     if known == NearRest():
         return prepared
     smoothing = np.zeros(prepared.joints)
@@ -191,10 +176,6 @@ def with_friction_near_rest(prepared: Prepared, known: NearRest) -> Prepared:
     ]
     prepared = replace(prepared, runs=tuple(turned))
     joints = range(prepared.joints) if known.lead else known.widths
-    slowest = {
-        joint: _slowest(prepared, joint, width) or GUESSED[-1] * width
-        for joint, width in known.widths.items()
-    }
     runs = []
     for run in prepared.runs:
         used, rows = run.used.copy(), list(run.rows)
@@ -202,26 +183,23 @@ def with_friction_near_rest(prepared: Prepared, known: NearRest) -> Prepared:
             share = run.filtered(run.logged.direction[:, [joint]], [joint])
             rows[joint] = run.rows[joint].copy()
             rows[joint][:, COULOMB] = share[:, 0]
-            used[:, joint] &= run.away_from(joint, slowest.get(joint, DEAD_ZONE))
+            used[:, joint] &= run.away_from(joint, max(GUESSED * smoothing[joint], DEAD_ZONE))
         for pair in known.standing:
             used[:, pair] &= apart_from_standing(run, pair)
         runs.append(replace(run, used=used, rows=tuple(rows)))
     return replace(prepared, runs=tuple(runs), standing=known.standing)
 
 
-def _slowest(prepared: Prepared, joint: int, width: float) -> float | None:
-    """The speed, rad/s (m/s), from which samples count at a width; None where too few would be left."""
+def _has_enough_above(prepared: Prepared, joint: int, speed: float) -> bool:
+    """Whether enough of a joint's samples are left above a speed, rad/s (m/s)."""
     used = np.concatenate([run.used[:, joint] for run in prepared.runs])
-    for widths in GUESSED:
-        away = np.concatenate([run.away_from(joint, widths * width) for run in prepared.runs])
-        if np.sum(used & away) > FEWEST * np.sum(used):
-            return widths * width
-    return None
+    away = np.concatenate([run.away_from(joint, speed) for run in prepared.runs])
+    return bool(np.sum(used & away) > FEWEST * np.sum(used))
 
 
-def _likeliest(negative: Callable[[float], float], tried: float, apart: float) -> float:
+def _likeliest(negative: Callable[[float], float], tried: float) -> float:
     """The minimum between the neighbours of a value that was tried."""
-    bounds = np.log(tried / apart), np.log(tried * apart)
+    bounds = np.log(tried / TIMES), np.log(tried * TIMES)
     best = minimize_scalar(
         lambda logarithm: negative(float(np.exp(logarithm))),
         bounds=bounds,

@@ -7,8 +7,8 @@ from testbench.effects.signature import Member
 from testbench.effects.transmission_ripple import DESCRIPTION, SLOWEST, highest_cycles, peaks_of, ripples
 
 from ..fit.normal_equations import Fit, squares
-from ..fit.score import Stage
-from ..model.candidates import Candidate, candidate
+from ..model.candidate import Candidate
+from ..model.candidates import candidate
 from ..model.hypothesis import Design
 
 Array = NDArray[np.float64]
@@ -18,19 +18,20 @@ RIPPLE = DESCRIPTION.name
 OTHERS = 0.5
 
 
-def ripple_candidates(first: Stage, stage: Stage) -> list[Candidate]:
+def ripple_candidates(first: Fit, hypothesis: Design, fitted: Fit) -> list[Candidate]:
     """Ripples at the peaks of what is left, of the joints at which effects took much away.
 
     first: re-identification, without effects, whose peaks those of the catalogue are.
     """
-    left = squares(stage.fitted.residual) / np.maximum(squares(first.fitted.residual), 1e-300)
-    others = set(np.flatnonzero(left < OTHERS).tolist()) - stage.hypothesis.joints_with(RIPPLE)
-    logged, found = [run.logged for run in stage.prepared.runs], []
+    prepared = hypothesis.prepared
+    left = squares(fitted.residual) / np.maximum(squares(first.residual), 1e-300)
+    others = set(np.flatnonzero(left < OTHERS).tolist()) - hypothesis.joints_with(RIPPLE)
+    logged, found = [run.logged for run in prepared.runs], []
     for joint in sorted(others):
-        family = ripples(logged, joint, *_peaks(stage.hypothesis, stage.fitted, joint))
+        family = ripples(logged, joint, *_peaks(hypothesis, fitted, joint))
         # What is slower is what any misfit looks like.
         quick = [each for each in family.members if each.shape["cycles"] > SLOWEST]
-        found += [candidate(stage.prepared, family, member) for member in quick]
+        found += [candidate(prepared, family, member) for member in quick]
     return found
 
 

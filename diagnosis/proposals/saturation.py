@@ -18,37 +18,27 @@ from testbench.effects.signature import Family
 
 from ..data.run import Prepared
 from ..fit.bounded import solve
-from ..fit.likelihood import Weighed
+from ..fit.likelihood import SURELY, Weighed
 from ..fit.normal_equations import log_of_squares
 from ..fit.score import Gain, Stage
-from ..model.candidates import SATURATION, Candidate, candidate
+from ..model.candidate import SATURATION, Candidate
+from ..model.candidates import candidate
 from ..model.gram import Bank
 from ..model.hypothesis import log_prior
 from ..residual.unexplained import predicted_shares
+from .flat_top import APART
 
 Array = NDArray[np.float64]
 
-# Shares of the samples that may lie beyond the limit, and how many it takes after decimation.
-CLIPPED = (0.002, 0.005, 0.01, 0.02, 0.035, 0.055, 0.08, 0.12, 0.17, 0.23, 0.3)
-FEWEST = 5
-# A controller that has run away asks for all it may ask for this share of the time: then so much of that. In
-# a report with noise it is a quantile that tells.
-HELD, AT_PEAK, PEAK = 0.02, 0.97, 0.998
-OF_PEAK = np.geomspace(0.9, 0.02, 16)
-# The filter smears what is cut off over so many cut-off periods to either side.
-REACH_PERIODS = 0.5
-# Of the squared error beyond the limit, the share that clipping must explain, and how much larger what is
-# cut off there is than the error elsewhere, both RMS.
-SMALLEST_SHARE, STANDING_OUT = 0.9, 2.0
-# Once is enough where clipping explains all but this: single peaks of drives that clip leave a thousandth at
-# most, and pushes a tenth or more.
-ONCE_LEFT = 0.01
-SMALLEST_GAIN = 7.5
-# Seconds without clipping that part one time from the next; a time counts from this share of the largest on,
-# since the filter rings a little.
-APART, OF_LARGEST = 0.5, 0.02
-# Not worth a trial where the error does not even rise with what would be cut off.
-SMALLEST_SLOPE = 0.2
+# Limits tried: by the share of samples beyond, and as shares of the peak where a controller has run away.
+TRIED = 11
+CLIPPED, OF_PEAK = np.geomspace(0.002, 0.3, TRIED), np.geomspace(0.9, 0.02, TRIED)
+# Then it asks for all it may: the limit in the middle is this near the largest; a report is noisy.
+AT_PEAK = 0.96
+# Share of the squared error beyond the limit that clipping must explain.
+SMALLEST_SHARE = 0.9
+# What a ringing filter adds to the largest time, or clipping leaves of a single one (of a push, a tenth).
+NEARLY_NONE = 0.02
 REFINEMENTS = 12
 # Of an unknown's information, relative.
 ROUNDING = 1e-9
@@ -88,10 +78,10 @@ def cuts(prepared: Prepared) -> list[list[Cut]]:
         if not family.members:
             return []
         asked = np.concatenate([np.abs(torque) for torque in asked_torque(prepared, joint)])
-        limits = np.quantile(asked, 1 - np.array(CLIPPED))
-        if np.mean(asked > AT_PEAK * np.quantile(asked, PEAK)) > HELD:
+        limits = np.quantile(asked, 1 - CLIPPED)
+        if limits[TRIED // 2] > AT_PEAK * limits[0]:
             limits = np.append(limits, asked.max() * OF_PEAK)
-        # Within one of its steps the log does not tell a limit from rounding.
+        # Within one of its steps the log does not distinguish a limit from rounding.
         limits = limits[limits > prepared.torque_step[joint]]
         return [_cut(prepared, family, limit) for limit in np.unique(limits)[::-1].tolist()]
 
@@ -109,7 +99,7 @@ def saturation(stage: Stage, free: Bank, limits: Sequence[Sequence[Cut]]) -> Wei
     found: list[_Trial] = []
     for joint, tried in enumerate(limits):
         trial = None if joint in known else _likeliest(stage, tried)
-        if trial is not None and trial.clips and trial.score > SMALLEST_GAIN:
+        if trial is not None and trial.clips:
             found.append(trial)
     predicted = predicted_shares(stage, free) if found else np.zeros(0)
     found = [each for each in found if each.share > predicted[each.cut.joint]]
@@ -124,7 +114,7 @@ def _likeliest(stage: Stage, limits: Sequence[Cut]) -> _Trial | None:
     if not scored:
         return None
     best, at = max(scored, key=lambda each: each[0].score)
-    if best.score <= SMALLEST_GAIN:
+    if best.score <= SURELY:
         return None
     family = best.cut.candidate.family
     # A command that runs away passes all limits between two quantiles at once: that next to the likeliest may
@@ -150,7 +140,8 @@ def _cut(prepared: Prepared, family: Family, limit: float) -> Cut:
     made = candidate(prepared, family, family.member({"limit": limit}))
     beyond = []
     for run, torque in zip(prepared.runs, asked_torque(prepared, family.joint), strict=True):
-        reach = 2 * round(REACH_PERIODS * run.logged.sample_rate / run.logged.cutoff) + 1
+        # The filter smears what is cut off over a cut-off period.
+        reach = round(run.logged.sample_rate / run.logged.cutoff)
         beyond.append(maximum_filter1d(np.abs(torque), reach)[run.kept] > limit)
     return Cut(family.joint, limit, made, tuple(beyond))
 
@@ -167,12 +158,10 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     cut = [base.rows_of(limit.candidate.filtered, f, joint, 0)[:, 0] for f in folds]
     used = [base.used[f][joint] for f in folds]
     beyond = [limit.beyond[run][used[f]] for f, (run, _) in enumerate(base.folds)]
-    count = sum(int(rows.sum()) for rows in beyond)
-    held = [stage.held[f][joint][beyond[f]] @ cut[f][beyond[f]] for f in folds]
-    square = sum(float(np.sum(cut[f][beyond[f]] ** 2)) for f in folds)
-    if count < FEWEST or sum(held) < SMALLEST_SLOPE * square:
+    # Of a limit the error rises with what it cuts off.
+    if sum(stage.held[f][joint][beyond[f]] @ cut[f][beyond[f]] for f in folds) <= 0:
         return None
-    # What a fold's rows say of the parameters, less those beyond the limit.
+    # A fold's normal equations, less the rows beyond the limit.
     xx, xy = [], []
     for f in folds:
         x, y, out = stage.hypothesis.x(f, joint), base.y[f][joint], beyond[f]
@@ -185,7 +174,6 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
     values = solve(_of_what_is_left(sum(xx) + stage.precision, whole), sum(xy), lower, upper)
     squares = np.zeros(n)
     bouts: list[tuple[float, float]] = []
-    elsewhere = 0.0
     for f in folds:
         apart = _of_what_is_left(sum(xx) - xx[f] + stage.precision, whole)
         own = solve(apart, sum(xy) - xy[f], lower, upper)
@@ -196,25 +184,21 @@ def _trial(stage: Stage, limit: Cut) -> _Trial | None:
                 before = left[out] ** 2
                 left = left - cut[f]
                 bouts += _bouts(stage, f, joint, out, cut[f][out], before, left[out] ** 2)
-                elsewhere += float(np.sum(left[~out] ** 2))
             squares[j] += float(np.sum(left**2))
-    kept = max(float(stage.counts[joint]) - count, 1.0)
     # A joint that stands still leaves nothing, before and after.
     left_over = np.divide(squares, stage.held_squares, out=np.ones(n), where=stage.held_squares > 0)
     likelihood = log_of_squares(stage.independent, left_over)
     prior_gain = float(log_prior(stage.hypothesis, values)) - stage.prior
     asked_for, clipped = np.array(bouts).T
-    clips = clipped.sum() < (1 - SMALLEST_SHARE) * asked_for.sum()
-    clips &= square / count > STANDING_OUT**2 * elsewhere / kept
     # A push makes the torque large once; a drive clips again whenever as much is asked of it, either way.
     explained = clipped < (1 - SMALLEST_SHARE) * asked_for
-    again = np.sum(explained & (asked_for > OF_LARGEST * asked_for.max())) > 1
-    clips &= again or clipped.sum() < ONCE_LEFT * asked_for.sum()
+    again = np.sum(explained & (asked_for > NEARLY_NONE * asked_for.max())) > 1
+    most_left = (1 - SMALLEST_SHARE if again else NEARLY_NONE) * asked_for.sum()
     return _Trial(
         cut=limit,
         score=likelihood + prior_gain,
         share=float(1 - squares[joint] / stage.held_squares[joint]),
-        clips=bool(clips),
+        clips=bool(clipped.sum() < most_left),
         values=values,
         held_squares=squares,
     )

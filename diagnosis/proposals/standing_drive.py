@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from ..data.run import DEAD_ZONE, Run
 from ..fit.score import Stage
 
-# Share of a joint's squares that a coupling leaves where its drive stands still, so many times as much a
-# sample as elsewhere; and share of the joint's samples that must be left.
-MOST_LEFT, DENSER, FEWEST = 0.5, 4.0, 0.25
+# Where its drive stands still a coupling leaves so many times as much a sample as elsewhere.
+DENSER = 4.0
+# Share of a joint's samples that identify its friction once those near rest are left out.
+FEWEST = 0.25
 
 
 def standing_drives(stage: Stage) -> frozenset[tuple[int, int]]:
@@ -41,6 +42,6 @@ def _is_left_standing(stage: Stage, pair: tuple[int, int]) -> bool:
     left = np.concatenate([residual[:, pair] for residual in stage.fitted.held_out]) ** 2
     left_there, left_apart = (np.sum(left * where, axis=0) for where in (~apart, apart))
     there, elsewhere = (np.sum(used & where, axis=0) for where in (~apart, apart))
-    most = left_there > MOST_LEFT * (left_there + left_apart)
+    most = left_there > left_apart
     denser = left_there * elsewhere > DENSER * left_apart * there
     return bool(np.any(most & denser) and np.all(elsewhere > FEWEST * (there + elsewhere)))

@@ -16,8 +16,9 @@ from testbench.effects.signature import Member
 
 from ..data.run import Run
 from ..fit.score import Gain, Stage
-from ..model.candidates import Candidate
+from ..model.candidate import Candidate
 from ..plausibility.accepted import Accepted, without_one
+from ..plausibility.materiality import SMALLEST_SHARE
 from ..residual.localisation import share_left
 from ..residual.shares import NOTHING, Unclaimed
 from ..residual.spectrum import SMALLEST, kept_rate
@@ -25,18 +26,13 @@ from ..residual.spectrum import SMALLEST, kept_rate
 Array = NDArray[np.float64]
 
 VIBRATION = "vibration"
-# Hz: the line to either side of its middle, and how far apart the middles are.
-HALF_LINE, APART = 0.5, 0.25
-# Standard deviations that the lag's size off the line must be from zero, and that either part may be from the
-# size of the whole; and the share of it by which laws of all kinds may differ.
-FROM_NONE, FROM_WHOLE, LIKE_WHOLE = 2.0, 2.5, 0.2
-# Standard deviations and the share of the line by which it is another's, a quarter of a turn from a lag's: of
-# two stages a little is, too.
-LATER, LATER_SHARE = 6.0, 0.3
-# A vibration is so much of what is left, and not so much of the motion's torque, as a share of that.
-MOST, OF_MOTION = 0.5, 0.3
-# What shakes less than this share of its joint's gap is negligible next to the effect reported there.
-LEAST_TOLD = 0.02
+# Hz, of a line to either side of its middle.
+HALF_LINE = 0.5
+# Standard deviations, and share of the whole, by which parts of a lag may differ: a drive of two stages has
+# not quite one law.
+DEVIATIONS, LIKE_WHOLE = 2.5, 0.25
+# A vibration is most of what is left, and its line holds less than half as much of the motion's torque.
+MOST = 0.5
 # Of a line's sines, singular values below this share of the largest are the same ones once more.
 WORTH_A_WAVE = 1e-3
 
@@ -77,9 +73,9 @@ def without_shaken(accepted: Sequence[Accepted], found: Sequence[Unclaimed]) -> 
     ]
 
 
-def worth_telling(found: Sequence[Unclaimed]) -> list[Unclaimed]:
-    """The unexplained residuals, without vibrations that are a negligible share of their joint's gap."""
-    return [each for each in found if each.regime != VIBRATION or each.share > LEAST_TOLD]
+def worth_reporting(found: Sequence[Unclaimed]) -> list[Unclaimed]:
+    """The unexplained residuals, without vibrations of a smaller share than an effect must explain."""
+    return [each for each in found if each.regime != VIBRATION or each.share > SMALLEST_SHARE]
 
 
 def with_its_line(last: Stage, item: Unclaimed) -> Unclaimed:
@@ -97,19 +93,19 @@ def with_its_line(last: Stage, item: Unclaimed) -> Unclaimed:
     shaken, moved = (
         float(power[_is_in(f, line)].sum() / max(power.sum(), SMALLEST)) for f, power in (left, moving)
     )
-    is_line = shaken > MOST and moved < OF_MOTION * shaken
+    is_line = shaken > MOST and moved < MOST * shaken
     return replace(item, frequency=line) if is_line else item
 
 
 def _left(stage: Stage, joint: int) -> tuple[list[Array], list[Run]]:
     """A joint's residual, a run (M, 1), interpolated over samples not used; and the runs that have any."""
-    found, told = [], []
+    found, shown = [], []
     for run, left in zip(stage.prepared.runs, stage.fitted.residual, strict=True):
         used, index = run.used[:, joint], np.arange(len(left))
         if used.any():
             found.append(np.interp(index, index[used], left[used, joint])[:, None])
-            told.append(run)
-    return found, told
+            shown.append(run)
+    return found, shown
 
 
 def _split(lag: Candidate, law: Sequence[Array], line: float, runs: Sequence[Run]) -> Candidate:
@@ -139,7 +135,7 @@ def _spectrum(torque: Sequence[Array], runs: Sequence[Run]) -> tuple[Array, Arra
 
 def strongest_line(frequencies: Array, power: Array) -> float:
     """The middle of what has most power within the width of a line, Hz."""
-    middles = np.arange(HALF_LINE, max(frequencies.max(), 2 * HALF_LINE), APART).tolist()
+    middles = np.arange(HALF_LINE, max(frequencies.max(), 2 * HALF_LINE), HALF_LINE / 2).tolist()
     strongest = max(middles, key=lambda middle: float(power[_is_in(frequencies, middle)].sum()))
     inside = _is_in(frequencies, strongest)
     if not inside.any():
@@ -157,12 +153,8 @@ def is_one_law(gain: Gain) -> bool:
 
     gain: of the parts of ``_split``, in units of the whole as it was fitted.
     """
-    line, beside, later = gain.coefficients.tolist()
-    on_line, off_line, turned = np.sqrt(np.diag(np.linalg.pinv(gain.information, hermitian=True))).tolist()
-    is_there = beside > FROM_NONE * off_line
-    is_whole = all(
-        abs(size - 1) < max(FROM_WHOLE * deviation, LIKE_WHOLE)
-        for size, deviation in ((line, on_line), (beside, off_line))
-    )
-    is_later = abs(later) > max(LATER * turned, LATER_SHARE * line)
-    return is_there and is_whole and not is_later
+    deviations = DEVIATIONS * np.sqrt(np.diag(np.linalg.pinv(gain.information, hermitian=True)))
+    # None of it is a quarter of a turn later.
+    apart = np.abs(gain.coefficients - [1.0, 1.0, 0.0])
+    is_seen_beside = gain.coefficients[1] > deviations[1]
+    return bool(is_seen_beside and np.all(apart < np.maximum(deviations, LIKE_WHOLE)))

@@ -10,11 +10,11 @@ from testbench.files import write_json
 from testbench.findings import torque_unit
 from testbench.json_values import plain
 
-from ..correction.closed_loop_gap import ForwardGap
 from ..correction.corrected_mjcf import Written
 from ..correction.corrected_model import corrected_model
 from ..correction.correction_document import FORMAT, VERSION, correction_document
 from ..correction.file_error import FileError
+from ..correction.forward_gap import ForwardGap
 from ..decision.findings import STAGES, Diagnosis, NamedEffect, RankedCandidate
 from ..experiment.discriminating_motion import NextExperiment
 from ..residual.shares import RegimeShare, Share

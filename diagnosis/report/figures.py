@@ -7,7 +7,7 @@ from plotly.subplots import make_subplots
 from testbench.findings import torque_unit
 from testbench.report.style import MEASURED, MUTED, POINTS, RESIDUAL, TEMPLATE, add_line, envelope
 
-from ..correction.closed_loop_gap import ForwardGap
+from ..correction.forward_gap import ForwardGap
 from ..decision.findings import STAGES, Diagnosis
 from .words import MOST_CANDIDATES, labelled
 

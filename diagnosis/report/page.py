@@ -6,8 +6,8 @@ from testbench.files import write_text
 from testbench.findings import torque_unit
 from testbench.report.page import Tile, plot, rendered, time_stamp
 
-from ..correction.closed_loop_gap import ForwardGap
 from ..correction.corrected_mjcf import Written
+from ..correction.forward_gap import ForwardGap
 from ..decision.findings import STAGES, Diagnosis
 from ..experiment.discriminating_motion import NextExperiment
 from . import figures, heat_map, notes, signature, words

@@ -25,13 +25,13 @@ FREQUENCY, PERIODIC = "frequency", "period"
 EDGES = (1.0, 5.0, 10.0)
 # Positions are put into so many bins a turn (or metre); lines are resolved up to a tenth of that.
 BINS, HIGHEST = 2048, 150.0
-# A period must fit so often into the joint's range, and the lines searched are this much finer than it tells.
+# A period must fit so often into the joint's range, and lines searched are this much finer than it resolves.
 FEWEST_PERIODS, FINER = 2.0, 4
 # Chance is the largest line of so many residuals whose blocks have been given signs at random.
 BY_CHANCE = 20
 # What is slow lies below the last of these edges that leaves noise a fourth beyond it.
 MOST_OF_WHITE = 0.75
-SMALLEST = 1e-300
+SMALLEST = np.finfo(float).tiny
 
 
 def above_band(prepared: Prepared) -> Array:

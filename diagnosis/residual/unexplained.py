@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from ..fit.likelihood import weigh
 from ..fit.normal_equations import fit, is_extrapolated, squares
 from ..fit.score import Gain, Stage
-from ..model.candidates import FREE
+from ..model.candidate import FREE
 from ..model.free_functions import RUN_TIME
 from ..model.gram import Bank
 from ..model.hypothesis import LATE, design
-from .localisation import regime_shares, share_left
+from .localisation import DENSE, regime_shares, share_left
 from .noise import noise
 from .shares import NOTHING, RegimeShare, Unclaimed
 from .spectrum import PERIODIC, slow_share
@@ -21,28 +21,14 @@ from .spectrum import PERIODIC, slow_share
 Array = NDArray[np.float64]
 
 # A free function counts where it removes this share of what is left of the joint's squared residual and this
-# share of its RMS torque ...
-SMALLEST_SHARE, SMALLEST_TORQUE = 0.25, 0.015
-# ... and that is this share of what re-identification left, and of what the accepted effects explain there.
-SHARE_OF_GAP, SHARE_OF_EXPLAINED = 0.15, 0.5
-
+# share of its RMS torque, and half of what the accepted effects explain there.
+SMALLEST_SHARE, SMALLEST_TORQUE, MOST = 0.25, 0.015, 0.5
 # What is left counts without any function to follow where it is this share of the joint's RMS torque (a
-# healthy one leaves one or two per cent), so many times the noise, and this share of what re-identification
-# left; where no noise is known, most of that, and most of it as slow as the motion.
-MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT, MOST_LEFT, SLOW = 0.03, 6.0, 0.2, 0.5, 0.5
-# A law that only resembles the joint's leaves more: where an effect has a name, this share is enough, or most
-# of it with so many times the noise.
-NAMED_LEFT, NAMED_NOISE = 0.1, 3.0
-# What is worse than without any effect, by this, says nothing of the robot.
-MISFIT_WORSE = 1.1
-# What is less than this share of the step in which torque is logged is rounding, not white but a function of
-# the torque: 1 / sqrt(12), and a fifth more.
-QUANTISED = 0.35
-# What as many coefficients fit by chance has this Wald's statistic at most, in its standard deviations: where
-# parameters are extrapolated, a function of run time may seem to predict what all runs do not fit.
-BY_CHANCE = 3.0
-# A period counts from so many times the share that chance gives one.
-MORE_THAN_CHANCE = 2.0
+# healthy one leaves one or two per cent), or an effect there has a name; and so many times the noise, and
+# this share of what re-identification left; where no noise is known, most of that, most of it slow.
+MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.03, 6.0, 0.15
+# Where an effect has a name and leaves most, so many times the noise are enough: its law only resembles it.
+NAMED_NOISE = 3.0
 # The regime of torque that is logged late.
 TIMING = "rate of torque"
 
@@ -86,8 +72,8 @@ def unclaimed(first: Stage, last: Stage, free: Bank, named: Collection[int] = ()
             found[each.joint] = each
     for each in _of_nothing(first, last, named):
         found.setdefault(each.joint, each)
-    told = [each for each in found.values() if last.hypothesis.has_enough_samples[each.joint]]
-    return tuple(sorted(told, key=lambda item: -item.share))
+    known = [each for each in found.values() if last.hypothesis.has_enough_samples[each.joint]]
+    return tuple(sorted(known, key=lambda item: -item.share))
 
 
 def _of_free_functions(first: Stage, last: Stage, free: Bank) -> Iterator[Unclaimed]:
@@ -95,8 +81,8 @@ def _of_free_functions(first: Stage, last: Stage, free: Bank) -> Iterator[Unclai
     for weighed in weigh(last, free):
         joint = weighed.candidate.family.joint
         assert joint is not None
-        count = weighed.candidate.count
-        if weighed.gain.wald < count + BY_CHANCE * np.sqrt(2 * count):
+        # By Akaike's criterion: where parameters are extrapolated, one of run time may predict by chance.
+        if weighed.gain.wald < 2 * weighed.candidate.count:
             continue
         regime = weighed.candidate.family.effect.removeprefix(FREE)
         yield from _if_enough(first, last, joint, regime, float(weighed.gain.held_out[joint]))
@@ -127,7 +113,7 @@ def _period(last: Stage, joint: int) -> RegimeShare | None:
     """The strongest period of what is left of a joint, if chance gives none as strong."""
     shares = regime_shares(last.prepared, last.fitted.held_out, last.hypothesis.used, joint)
     periods = (each for each in shares if each.aspect == PERIODIC)
-    return next((each for each in periods if each.concentration > MORE_THAN_CHANCE), None)
+    return next((each for each in periods if each.concentration >= DENSE), None)
 
 
 def _if_enough(first: Stage, last: Stage, joint: int, regime: str, more: float) -> Iterator[Unclaimed]:
@@ -137,8 +123,7 @@ def _if_enough(first: Stage, last: Stage, joint: int, regime: str, more: float) 
     if (
         more >= SMALLEST_SHARE * last.held_squares[joint]
         and torque >= SMALLEST_TORQUE * last.base.torque_rms[joint]
-        and more >= SHARE_OF_GAP * first.held_squares[joint]
-        and more >= SHARE_OF_EXPLAINED * explained
+        and more >= MOST * explained
     ):
         yield Unclaimed(joint, regime, more / float(first.held_squares[joint]))
 
@@ -164,13 +149,13 @@ def _of_nothing(first: Stage, last: Stage, named: Collection[int]) -> Iterator[U
     has_name = np.isin(np.arange(len(left)), list(named))
     times, is_large = _rms(last) / of_sensors.rms, _relative(last) > MISFIT_TORQUE
     is_loud = of_sensors.seen & (times > MISFIT_NOISE)
-    is_misfit = is_loud & (has_name & (left > NAMED_LEFT) | is_large & (left > MISFIT_LEFT))
-    is_misfit |= has_name & (~of_sensors.seen | (times > NAMED_NOISE)) & (left > MOST_LEFT)
-    for joint in np.flatnonzero(~of_sensors.seen & is_large & (left > MOST_LEFT)).tolist():
-        is_misfit[joint] |= _slow(last, joint) > SLOW
-    is_misfit &= (left < MISFIT_WORSE) & ~is_extrapolated(squares(last.fitted.residual), last.held_squares)
-    # The rounding of a log is a function of its torque.
-    is_misfit &= _rms(last) > QUANTISED * last.prepared.torque_step
+    is_misfit = is_loud & (has_name | is_large) & (left > MISFIT_LEFT)
+    is_misfit |= has_name & (~of_sensors.seen | (times > NAMED_NOISE)) & (left > MOST)
+    for joint in np.flatnonzero(~of_sensors.seen & is_large & (left > MOST)).tolist():
+        is_misfit[joint] |= _slow(last, joint) > MOST
+    is_misfit &= ~is_extrapolated(squares(last.fitted.residual), last.held_squares)
+    # The rounding of a log, half a step at most, is no white noise but a function of its torque.
+    is_misfit &= _rms(last) > last.prepared.torque_step / 2
     for push in last.hypothesis.accepted:
         # One that explains its own joint leaves much at others, where it acted otherwise than was fitted.
         if push.is_event and not is_misfit[push.family.joint]:

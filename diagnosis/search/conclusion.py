@@ -12,14 +12,14 @@ from ..fit.likelihood import Weighed, gained, weigh
 from ..fit.normal_equations import Fit, fitted_to
 from ..fit.score import Stage
 from ..model.base_regressor import BaseRegressor
-from ..model.candidates import SATURATION
+from ..model.candidate import SATURATION
 from ..model.hypothesis import Design
 from ..model.library import Library
 from ..plausibility.accepted import Accepted, laws_of_position, without_one, without_rests
 from ..plausibility.materiality import is_material
 from ..plausibility.observability import not_observable
 from ..proposals.flat_top import flat_tops
-from ..proposals.vibration import vibrations, with_its_line, without_shaken, worth_telling
+from ..proposals.vibration import vibrations, with_its_line, without_shaken, worth_reporting
 from ..residual.shares import NOTHING, Unclaimed
 from ..residual.unexplained import unclaimed, with_its_period
 from .grown import Grown, as_of
@@ -53,7 +53,7 @@ def concluded(grown: Grown, library: Library) -> Attribution:
     accepted = likely_faults(sized, hypothesis, fitted, accepted, open_)
     names = {j for a in accepted if a.named and (j := a.candidate.family.joint) is not None}
     misfits = _like_nothing(last, unclaimed(original, last, grown.banks.free, names), imitated)
-    unknown = (*misfits, *worth_telling(imitated))
+    unknown = (*misfits, *worth_reporting(imitated))
     open_at = {each.joint for each in unknown}
     reported = (replace(a, named=a.named and a.candidate.family.joint not in open_at) for a in accepted)
     return Attribution(

@@ -8,7 +8,7 @@ from testbench.robot import Robot
 from ..fit.likelihood import Weighed
 from ..fit.score import Stage
 from ..model.base_regressor import BaseRegressor
-from ..model.candidates import Candidate
+from ..model.candidate import Candidate
 from ..model.gram import Bank
 from ..model.hypothesis import Design
 from ..plausibility.accepted import Accepted

@@ -22,7 +22,7 @@ from ..fit.normal_equations import standard_values
 from ..fit.score import Stage
 from ..held_out.folds import covered, covered_for
 from ..model.base_regressor import BaseRegressor
-from ..model.candidates import ZERO
+from ..model.candidate import ZERO
 from ..model.effect_sizes import with_friction
 from ..model.gram import Bank
 from ..model.library import Library
@@ -99,7 +99,7 @@ def _begun(prepared: Prepared, limits: Sequence[Sequence[Cut]], library: Library
         prepared, original = covered, Stage.of(BaseRegressor(covered), [])
         proposals = Bank(original.base, proposals.candidates)
     sized = with_friction(prepared.robot, standard_values(prepared, original.fitted.values))
-    search = Search(original, sized, limits, tuple(library.without))
+    search = Search(original.fitted, sized, limits, tuple(library.without))
     banks = Banks.beside(proposals, original.base, library.motions)
     weighed = tuple(search.open(original, proposals))
     return Grown(original, sized, original, (), weighed, banks), search

@@ -10,8 +10,9 @@ from testbench.robot import Robot
 
 from ..decision.reported_effects import Found
 from ..fit.likelihood import Weighed, weigh
+from ..fit.normal_equations import Fit
 from ..fit.score import Gain, Stage
-from ..model.candidates import PUSH, SATURATION
+from ..model.candidate import PUSH, SATURATION
 from ..model.effect_sizes import is_plausible
 from ..model.gram import Bank
 from ..plausibility.materiality import is_material
@@ -34,11 +35,11 @@ NEARLY_ALL = 0.9
 class Search:
     """Inputs of the search that stay the same from round to round.
 
-    first: re-identification, without effects. sized: the robot that sizes are relative to. limits: of
+    first: re-identification, without effects, fitted. sized: the robot that sizes are relative to. limits: of
     ``cuts``. without: effects taken out of the catalogue.
     """
 
-    first: Stage
+    first: Fit
     sized: Robot
     limits: Sequence[Sequence[Cut]]
     without: tuple[str, ...]
@@ -58,8 +59,10 @@ class Search:
             law = gain.candidate.member.law
             return law is None or is_plausible(self.sized, gain.candidate, gain.coefficients)
 
-        ripples = [] if RIPPLE in self.without else ripple_candidates(self.first, stage)
-        anew = Bank(stage.base, ripples)
+        peaks = (
+            () if RIPPLE in self.without else ripple_candidates(self.first, stage.hypothesis, stage.fitted)
+        )
+        anew = Bank(stage.base, peaks)
         return [
             w
             for w in weigh(stage, proposals, anew, allowed=allowed)

@@ -13,7 +13,7 @@ from ..fit.linearisation import bends_parameters, linearised_anew
 from ..fit.normal_equations import Fit
 from ..fit.score import Stage
 from ..fit.shape_search import searched_for
-from ..model.candidates import DELAY, Candidate
+from ..model.candidate import DELAY, Candidate
 from ..model.gram import Bank
 from ..model.hypothesis import Design
 from ..proposals.laws import MORE_TRIED, by_its_law, late_alone, refined

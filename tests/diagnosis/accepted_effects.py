@@ -1,6 +1,6 @@
 """An effect that was taken in, with a name or without."""
 
-from diagnosis.model.candidates import Candidate
+from diagnosis.model.candidate import Candidate
 from diagnosis.plausibility.accepted import Accepted
 
 

@@ -8,7 +8,8 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.data.run import Prepared
-from diagnosis.model.candidates import Candidate, candidates
+from diagnosis.model.candidate import Candidate
+from diagnosis.model.candidates import candidates
 from diagnosis.model.free_functions import generic_candidates
 from identification.inverse_dynamics import inverse_dynamics
 from testbench.effects.columns import AT_ONCE

@@ -88,7 +88,7 @@ def test_what_is_slower_than_the_form_is_sure_does_not_count(arm):
     for before, run in zip(
         prepared.runs, with_friction_near_rest(prepared, NearRest({SHOULDER: WIDTH})).runs, strict=True
     ):
-        slow = np.abs(run.dq[:, SHOULDER]) <= GUESSED[0] * WIDTH
+        slow = np.abs(run.dq[:, SHOULDER]) <= GUESSED * WIDTH
         assert not np.any(run.used[slow, SHOULDER])
         assert np.array_equal(run.used[:, 1:], before.used[:, 1:])
 

@@ -87,11 +87,15 @@ def test_ripples_are_picked_anew_once_a_far_larger_effect_is_known(arm):
     first = Stage.of(BaseRegressor(prepared), [])
     best = max(filter(None, map(first.gain, lags)), key=lambda gain: gain.objective)
     beside = Stage.of(first.base, [best.candidate])
-    anew = [each for each in ripple_candidates(first, beside) if each.family.joint == 1]
+    anew = [
+        each
+        for each in ripple_candidates(first.fitted, beside.hypothesis, beside.fitted)
+        if each.family.joint == 1
+    ]
     before, after = (
         min(abs(each.member.shape["cycles"] - cycles) for each in of) for of in (catalogue, anew)
     )
     assert before > 1.0
     assert after < 0.25
     assert min(each.member.shape["cycles"] for each in anew) > SLOWEST
-    assert ripple_candidates(first, first) == []
+    assert ripple_candidates(first.fitted, first.hypothesis, first.fitted) == []

@@ -12,7 +12,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.fit.likelihood import Weighed
 from diagnosis.fit.score import Stage
 from diagnosis.model.base_regressor import BaseRegressor
-from diagnosis.model.candidates import FREE
+from diagnosis.model.candidate import FREE
 from diagnosis.model.free_functions import RUN_TIME, generic_candidates
 from diagnosis.model.gram import Bank
 from diagnosis.residual.shares import NOTHING

@@ -25,7 +25,7 @@ def test_what_all_runs_together_fit_as_nothing_is_not_open(tmp_path):
     # Neither can be less than nothing, so noise alone often fits them as just that.
     bounded = Bank(stage.base, candidates(prepared, only=["actuator_lag", "joint_elasticity"]))
     assert any(each.gain.wald < 1e-3 for each in weigh(stage, bounded))
-    opened = Search(stage, arm, [], ()).open(stage, bounded)
+    opened = Search(stage.fitted, arm, [], ()).open(stage, bounded)
     assert all(each.gain.wald > 1 for each in opened)
 
 
@@ -37,7 +37,7 @@ def test_what_is_held_at_a_bound_above_zero_is_not_open(tmp_path, time_constant,
     stage = Stage.of(BaseRegressor(prepared), [])
     # Two like stages of 4 ms at least, though one of 2 ms would be better than none.
     two_stages = [each for each in candidates(prepared, only=["actuator_lag"]) if each.member.law]
-    opened = Search(stage, arm, [], ()).open(stage, Bank(stage.base, two_stages))
+    opened = Search(stage.fitted, arm, [], ()).open(stage, Bank(stage.base, two_stages))
     assert any(each.candidate.family.joint == 1 for each in opened) == expected
 
 
@@ -57,7 +57,7 @@ def test_a_push_is_one_where_a_limit_of_its_drive_explains_far_less(tmp_path, mo
     monkeypatch.setattr(
         "diagnosis.search.search_round.saturation", lambda *_: seen_as("torque_saturation", limit)
     )
-    found = Search(stage, arm, [], ()).round(stage, [], Bank(stage.base, []))
+    found = Search(stage.fitted, arm, [], ()).round(stage, [], Bank(stage.base, []))
     assert found is not None
     assert found.best.candidate.family.effect == expected
 
@@ -77,6 +77,6 @@ def test_a_shared_drive_that_its_other_joint_tells_is_taken_in_before_a_limit(
     monkeypatch.setattr("diagnosis.search.search_round.NEARLY_ALL", nearly_all)
     monkeypatch.setattr("diagnosis.search.search_round.saturation", lambda *_: clipped)
     monkeypatch.setattr(Search, "push", lambda *_: None)
-    found = Search(stage, arm, [], ()).round(stage, weighed, Bank(stage.base, []))
+    found = Search(stage.fitted, arm, [], ()).round(stage, weighed, Bank(stage.base, []))
     assert found is not None
     assert found.best.candidate.family.effect == expected
