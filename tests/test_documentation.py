@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticUndefined
 
 from diagnosis.decision import probability
-from diagnosis.plausibility.materiality import SMALLEST_SHIFT
+from diagnosis.plausibility.materiality import SMALLEST_GAIN
 from testbench.cli import app
 from testbench.estimate_file import estimate_document
 from testbench.excitation_file import UNITS
@@ -208,4 +208,4 @@ def test_the_page_of_decisions_states_the_numbers_of_the_code() -> None:
         name: getattr(probability, name) for name, *_ in rows
     }
     assert f"p = {probability.STATED:.0%} on".replace("%", " %") in text
-    assert f"(log-likelihood {SMALLEST_SHIFT:.10g}, and one more for each coefficient" in text
+    assert f"(log-likelihood {SMALLEST_GAIN:.10g}, and one more for each coefficient" in text

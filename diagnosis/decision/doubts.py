@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from testbench.effects import effect
 
+from ..fit.shape_search import CLOSE
 from ..plausibility.accepted import Accepted
 from .findings import NamedEffect
 
-# Of a bound, relative: nearer than this a value is at it. Deviations within which a size may be none: 95 %.
-AT_BOUND, MAY_BE_NONE = 1e-3, 2.0
+# Deviations within which a size may be none: 95 %.
+MAY_BE_NONE = 2.0
 NOT_PREDICTED = "fitted, but runs that were left out are predicted no better with it"
 AT_ITS_BOUND = "fitted, but at the bound of what it may be: these runs do not determine its size"
 UNCERTAIN = "fitted, but its size is within two of its own standard deviations"
@@ -102,7 +103,7 @@ def doubt(named: NamedEffect) -> str:
     if not is_known and all(abs(value) < MAY_BE_NONE * deviation for _, value, deviation in numbers):
         return UNCERTAIN
     reached = (
-        np.isfinite(bound) and bound != 0 and abs(value - bound) <= AT_BOUND * abs(bound)
+        np.isfinite(bound) and bound != 0 and abs(value - bound) <= CLOSE * abs(bound)
         for parameter, value, _ in numbers
         for bound in (parameter.lower, parameter.upper)
     )

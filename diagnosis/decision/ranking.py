@@ -8,10 +8,8 @@ from ..plausibility.accepted import Accepted
 from .attribution import Attribution
 from .findings import NamedEffect, RankedCandidate
 from .probability import STATED
-from .reported_effects import is_how_runs_begin
+from .reported_effects import CONFUSABLE, is_how_runs_begin
 
-# A rival this probable cannot be distinguished on these runs.
-CONFUSABLE = 0.1
 # So many candidates that were never accepted are listed.
 LISTED = 10
 

@@ -17,17 +17,15 @@ from ..model.candidate import Candidate
 from ..model.effect_sizes import is_beyond_healthy, is_excessive, times_healthy
 from ..model.hypothesis import FEWEST_INDEPENDENT, FEWEST_OF_ALL, Design
 from ..plausibility.accepted import Accepted
-from ..plausibility.materiality import SMALLEST_WALD
+from ..plausibility.materiality import BEYOND, SMALLEST_WALD
 from .probability import STATED, Size, fault_probability
 
 Array = NDArray[np.float64]
 
-# A rival of this probability explains it as well.
-AS_WELL = 0.25
+# A rival this probable explains it as well: these runs cannot distinguish them.
+CONFUSABLE = 0.1
 # Share of a joint's squared residual that half the motion determines for sure.
 NEARLY_ALL = 0.8
-# Squared deviations from zero that are left at last, as effects accepted later may explain the same.
-AT_LAST = 9.0
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ def accepted_as(found: Found, stage: Stage, sized: Robot) -> Accepted:
     own = best.candidate, found.trial[1].values[-best.candidate.count :]
     share = float(stage.shares(best.gain).max())
     # Where an imperfection of healthy size would explain it as well, nothing else need be there.
-    as_well = [(w.candidate, w.gain.coefficients) for w, p in found.rivals if p > AS_WELL]
+    as_well = [(w.candidate, w.gain.coefficients) for w, p in found.rivals if p > CONFUSABLE]
     beyond = all(is_beyond_healthy(sized, torque_rms, *each) for each in (own, *as_well))
     beyond = beyond and not is_how_runs_begin(stage.prepared, best.candidate)
     samples = stage.independent[list(best.candidate.member.rows)]
@@ -130,6 +128,6 @@ def as_fitted_at_last(
         named = item.named and not is_excessive(sized, *own, item.share)
         named = named and times_healthy(sized, torque_rms, *own) > 1
         # A limit that the drive reports leaves no gap, and a push is recognised by its time.
-        named = named and (candidate.description.at_times or fitted.wald(part) > AT_LAST)
+        named = named and (candidate.description.at_times or fitted.wald(part) > BEYOND**2)
         found.append(replace(item, candidate=candidate, named=named))
     return found

@@ -5,18 +5,16 @@ from numpy.typing import NDArray
 
 from ..data.run import Prepared
 from ..fit.normal_equations import rms
+from ..model.effect_sizes import SMALLEST_TORQUE
 from ..residual.shares import NOTHING
 from .attribution import Attribution
-from .findings import Gap
+from .findings import LITTLE_CLOSED, Gap
 
 Array = NDArray[np.float64]
 
-# Re-identification matters when it takes this share off some joint's error on runs left out ...
+# Re-identification matters when it takes this share off some joint's error on runs left out, and that of the
+# model as given is worth explaining.
 PARAMETERS_SHARE = 0.12
-# ... and the error of the model as given is at least this share of the joint's torque.
-PARAMETERS_TORQUE = 0.01
-# What follows nothing is the verdict where no effect explains this share of it.
-FAR_LESS = 0.2
 
 
 def verdict_of(found: Attribution, gap: Gap) -> str:
@@ -28,7 +26,7 @@ def verdict_of(found: Attribution, gap: Gap) -> str:
         return "effect"
     torque = joint_torque(found.prepared)
     better = (gap.nominal > gap.parameters * (1 + PARAMETERS_SHARE)) & (
-        gap.nominal > PARAMETERS_TORQUE * torque
+        gap.nominal > SMALLEST_TORQUE * torque
     )
     return "parameters" if np.any(better) else "none"
 
@@ -47,7 +45,7 @@ def _closes_more(found: Attribution) -> bool:
         return False
     before = rms(found.parameters_only[1].held_out, found.parameters_only[0]) / joint_torque(found.prepared)
     misfits = [
-        (FAR_LESS if item.regime == NOTHING else 1.0) * item.share * before[item.joint] ** 2
+        (LITTLE_CLOSED if item.regime == NOTHING else 1.0) * item.share * before[item.joint] ** 2
         for item in found.unknown
         if item.regime != NOTHING or not pushed
     ]

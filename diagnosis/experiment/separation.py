@@ -23,6 +23,7 @@ from testbench.effects.signature import Logged
 from ..data.decimation import DecimatingFilter, decimating_filter, parts
 from ..data.run import DEAD_ZONE, filter_cutoff
 from ..decision.findings import Diagnosis
+from ..model.candidates import MOST_AT_ONCE
 from .projection import left, projected_gram
 from .rival_size import sized
 from .rivals import Open
@@ -30,8 +31,6 @@ from .rivals import Open
 Array = NDArray[np.float64]
 
 SAMPLE_RATE = 200.0
-# Bytes of all columns that are multiplied at once.
-MOST_MULTIPLIED = 1 << 25
 # Filtered columns (M, r, k) and the r joints that they reach.
 Block = tuple[Array, Sequence[int]]
 
@@ -109,7 +108,7 @@ class Separation:
         """Rows of all columns over the noise, part by part: (m n, c). blocks: those of effects."""
         base, joints = len(self.columns), logged.joints
         count = base + sum(columns.shape[2] for columns, _ in blocks)
-        at_once = max(MOST_MULTIPLIED // (8 * joints * count), 1)
+        at_once = max(MOST_AT_ONCE // (8 * joints * count), 1)
         kept = lowpass.kept(logged.samples)
         weights = np.sqrt(self.weights) * (np.abs(logged.dq[kept]) > DEAD_ZONE)
         for part, samples in parts(lowpass, logged.samples, at_once):

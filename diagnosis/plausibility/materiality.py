@@ -20,13 +20,11 @@ Array = NDArray[np.float64]
 # Share of a joint's held-out squared residual that an effect must explain, besides of its torque ...
 SMALLEST_SHARE = 0.10
 # ... or the log-likelihood of the parameters' shift that it must spare, where they absorb this share of its
-# columns, and what must be left of that with what it does to runs left out.
-SMALLEST_SHIFT, SMALLEST_SUM, ABSORBED = 7.5, 6.0, 0.9
-# What one joint's misfit can imitate is no effect of the whole robot.
-SMALLEST_ELSEWHERE = 7.5
-# Wald statistic of a size known to a fifth, and the log-likelihood that one must add which is beyond a
-# healthy robot's by so many standard deviations.
-SMALLEST_WALD, BEYOND, SMALLEST_GAIN = 25.0, 3.0, 10.0
+# columns, with what it does to runs left out, too. One of the whole robot must add as much beside the joint
+# that gains most, whose misfit it may imitate; and so must one that is beyond a healthy robot's.
+SMALLEST_GAIN, ABSORBED = 7.5, 0.9
+# Wald statistic of a size known to a fifth, and deviations by which one is beyond a healthy robot's.
+SMALLEST_WALD, BEYOND = 25.0, 3.0
 # What takes away torque that noise of the encoders seems to add takes more than this multiple of that.
 OF_ENCODERS = 2.0
 
@@ -43,15 +41,15 @@ def is_material(robot: Robot, stage: Stage, weighed: Weighed) -> bool:
     if weighed.score <= 0:
         return False
     several = stage.prepared.joints > 1
-    if family.joint is None and several and gained_elsewhere(stage, gain) < SMALLEST_ELSEWHERE:
+    if family.joint is None and several and gained_elsewhere(stage, gain) < SMALLEST_GAIN:
         return False
     return _is_absorbed(stage, gain) or _is_seen(robot, stage, weighed)
 
 
 def _is_absorbed(stage: Stage, gain: Gain) -> bool:
     """Whether parameters absorb it, and it spares them a shift that neither CAD nor chance explains."""
-    shifts = gained_by_shift(stage, gain) > SMALLEST_SHIFT + by_chance(gain.candidate)
-    return bool(gain.overlap > ABSORBED and shifts and gained(stage, gain) > SMALLEST_SUM)
+    shifts = gained_by_shift(stage, gain) > SMALLEST_GAIN + by_chance(gain.candidate)
+    return bool(gain.overlap > ABSORBED and shifts and gained(stage, gain) > SMALLEST_GAIN)
 
 
 def _is_seen(robot: Robot, stage: Stage, weighed: Weighed) -> bool:

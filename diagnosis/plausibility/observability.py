@@ -16,12 +16,8 @@ from .materiality import SMALLEST_WALD
 
 Array = NDArray[np.float64]
 
-# Squared signal over noise that a name takes, and how straight a size must be in the coefficients, up to a
-# severe one, for it to be known from a small one.
-DETECTABLE = SMALLEST_WALD
+# How straight a size must be in the coefficients, up to a severe one, for it to be known from a small one.
 STRAIGHT = 0.2
-# Steps to the coefficients of a size, and how near it they end, relative.
-INVERSIONS, INVERTED = 20, 1e-9
 
 
 def not_observable(robot: Robot, weighed: Sequence[Weighed]) -> tuple[tuple[str, int | None], ...]:
@@ -33,7 +29,7 @@ def not_observable(robot: Robot, weighed: Sequence[Weighed]) -> tuple[tuple[str,
     found = []
     for each in weighed:
         coefficients = _severe(robot, each.candidate)
-        if coefficients is not None and coefficients @ each.gain.information @ coefficients < DETECTABLE:
+        if coefficients is not None and coefficients @ each.gain.information @ coefficients < SMALLEST_WALD:
             found.append((each.candidate.family.effect, each.candidate.family.joint))
     return tuple(found)
 
@@ -55,13 +51,15 @@ def _severe(robot: Robot, candidate: Candidate) -> Array | None:
     def sized(factor: float) -> float:
         return size(robot, torque_scale, candidate, factor * unit) * mild / severe
 
-    factor = 1.0
-    for _ in range(INVERSIONS):
+    factor, least_off = 1.0, np.inf
+    while True:
         reached = sized(factor)
         if not (np.isfinite(reached) and reached > 0):
             return None
-        factor /= reached
-        if abs(reached - 1) < INVERTED:
+        off = abs(np.log(reached))
+        # To rounding, or never nearer: no size that goes with the coefficients.
+        if off >= least_off:
             break
+        factor, least_off = factor / reached, off
     straight = abs(reached - 1) < STRAIGHT and abs(sized(factor / 2) - 0.5) < STRAIGHT / 2
     return factor * unit if straight else None

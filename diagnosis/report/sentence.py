@@ -9,6 +9,7 @@ from testbench.robot import Robot
 
 from ..decision.findings import LITTLE_CLOSED, PERHAPS_NOISE, Gap, NamedEffect
 from ..residual.shares import NOTHING, UNCERTAIN, Unclaimed
+from .words import LEAST_SHOWN
 
 Array = NDArray[np.float64]
 
@@ -16,8 +17,6 @@ Array = NDArray[np.float64]
 LITTLE_OF_TORQUE = 0.05
 # A reported effect below this probability is as likely as not.
 UNSURE = 0.6
-# What no effect explains, and less than this share of a joint's gap follows, shows in the parameters alone.
-NEXT_TO_NOTHING = 0.005
 
 
 def sentence_of(
@@ -90,7 +89,8 @@ def shrunk_in_words(robot: Robot, joint: int | None, gap: Gap) -> str:
 
 def unclaimed_in_words(robot: Robot, item: Unclaimed) -> str:
     """Phrase on a residual that no effect explains: its joint, what it follows, and a likely cause."""
-    if item.regime == NOTHING and item.share < NEXT_TO_NOTHING:
+    if item.regime == NOTHING and item.share < LEAST_SHOWN:
+        # It shows in the parameters alone.
         joint = robot.joint_names[item.joint]
         return f"{joint} the parameters are not the model's, by what no effect of the catalogue makes of them"
     if item.regime == UNCERTAIN:

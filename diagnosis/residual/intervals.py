@@ -5,13 +5,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.statistics import SIGNIFICANCE
+
 from ..data.run import Prepared, Run
 
 Array = NDArray[np.float64]
 
 # s; longer than residuals remember.
 BLOCK_SECONDS = 0.5
-DRAWS, LOW, HIGH = 200, 0.05, 0.95
+DRAWS = 200
 
 
 def rms_interval(prepared: Prepared, residual: Sequence[Array]) -> Array:
@@ -26,9 +28,8 @@ def rms_interval(prepared: Prepared, residual: Sequence[Array]) -> Array:
         squares.append(sums)
         counts.append(used)
     square, count = np.concatenate(squares), np.concatenate(counts)
-    draws = np.random.default_rng(0).integers(0, len(square), (DRAWS, len(square)))
-    drawn = np.sqrt(square[draws].sum(axis=1) / np.maximum(count[draws].sum(axis=1), 1))
-    return np.quantile(drawn, [LOW, HIGH], axis=0)
+    drawn = np.sqrt(drawn_sums(square) / np.maximum(drawn_sums(count), 1))
+    return np.quantile(drawn, [SIGNIFICANCE, 1 - SIGNIFICANCE], axis=0)
 
 
 def blocks(run: Run) -> NDArray[np.int64]:
@@ -46,5 +47,5 @@ def drawn_sums(sums: Array) -> Array:
 
 def interval(drawn: Array) -> tuple[float, float]:
     """90 % interval of what was drawn, (DRAWS,)."""
-    low, high = np.quantile(drawn, [LOW, HIGH])
+    low, high = np.quantile(drawn, [SIGNIFICANCE, 1 - SIGNIFICANCE])
     return float(low), float(high)

@@ -11,21 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from identification.band import NOISE, QUIET
+
 from ..data.run import Run
 from ..model.base_regressor import BaseRegressor
 
 Array = NDArray[np.float64]
 
-# Repetition is exact in a reference that a controller follows; logs may have rounded it.
-REPEATS = 1e-9
-# Where only noise is left: above this multiple of the low-pass, below this share of the sample rate.
-QUIET, HIGHEST, FEWEST = 1.5, 0.45, 8
+# Repetition is exact in a reference that a controller follows; logs may have rounded it to single precision.
+REPEATS = float(np.finfo(np.float32).eps)
+# Where only noise is left: above this multiple of the low-pass; so many frequencies at least.
+ABOVE, FEWEST = 1.5, 8
 # Hz, the lowest corner of a drive's noise, and how many are tried beside none.
 CORNER, CORNERS = 5.0, 40
 # s, and samples at least, of a segment: in most of them no friction turns. And the longest, of a residual.
 SEGMENT, SHORTEST, LONGEST = 0.15, 64, 512
-# Where a low-pass has taken it off, no torque sensor or drive of an arm is known to better than this share.
-LEAST_UNSEEN = 1e-3
 # A torque that repeats more often than this was not measured in between.
 HELD = 4
 # From this mean misfit of its logarithm on a density falls as no noise does: the log was low-passed before.
@@ -54,7 +54,8 @@ def noise(base: BaseRegressor) -> Noise:
     found = [_quiet_band(run) for run in prepared.runs]
     of_torque = np.mean([square for square, _ in found], axis=0)
     seen = np.all([each for _, each in found], axis=0)
-    least = np.where(seen, 0.0, LEAST_UNSEEN) * base.torque_rms
+    # Where a low-pass has taken it off, no drive of an arm is known to better.
+    least = np.where(seen, 0.0, NOISE) * base.torque_rms
     return Noise(np.maximum(np.sqrt(of_torque + prepared.encoder_torque**2), least), seen)
 
 
@@ -151,7 +152,7 @@ def _continued(run: Run, joint: int, frequency: Array, density: Array) -> tuple[
     motion's band and the top of what was recorded, and continued downwards: noise of drives is coloured.
     """
     rate, taps = run.logged.sample_rate, run.filters[joint].taps
-    seen = (frequency >= QUIET * run.logged.cutoff / 2) & (frequency <= HIGHEST * rate)
+    seen = (frequency >= ABOVE * run.logged.cutoff / 2) & (frequency <= QUIET[1] * rate)
     if seen.sum() < FEWEST:
         return float(density[-1] * rate / 2 * np.sum(taps**2)), 0.0
     own = np.log(np.maximum(density[seen], 1e-300))

@@ -13,8 +13,8 @@ from identification.output_error.problem import SMALLEST, Problem
 from identification.output_error.servo_run import ServoRun
 from identification.output_error.unknowns import Unknowns
 
-from .evidence import OF_GRID, Fitted, Verdicts, weigh
-from .hypothesis import Place, grid, handed_over, places, with_effect
+from .evidence import Fitted, Verdicts, weigh
+from .hypothesis import Place, finer_grid, grid, handed_over, places, with_effect
 from .sizes import Sizes
 
 Array = NDArray[np.float64]
@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 SHORTLIST, PROMISE = 6, 1.0
 # Probability from which an effect is taken in, and how many a limb may have.
 ACCEPTED, MOST = 0.8, 3
-# Sizes about the best of the grid, for effects in whose size position is not smooth.
-FINER = np.exp(np.linspace(-0.6, 0.6, 13))
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,7 @@ class Contest:
                 derivatives = [np.concatenate(each, axis=-1) for each in zip(derivatives, added, strict=True)]
             found = self._fit(unknown, np.append(start, size), derivatives)
             return Fitted(place, found, float(found.values[-1]), float(found.std[-1]))
-        finer = np.clip(size * FINER, place.effect.smallest, place.effect.largest)
+        finer, deviation = finer_grid(place.effect, size)
         tables = np.stack([with_effect(own.unknowns, place, self.sizes, each).table(start) for each in finer])
         weights = self._problem(with_effect(own.unknowns, place, self.sizes, size)).weights(start)
         costs, starts = self._problem(own.unknowns).profile(
@@ -129,4 +127,4 @@ class Contest:
         index = int(np.argmin(costs))
         unknown = with_effect(own.unknowns, place, self.sizes, float(finer[index]))
         found = self._fit(unknown, starts[index], derivatives)
-        return Fitted(place, found, float(finer[index]), OF_GRID * float(finer[index]))
+        return Fitted(place, found, float(finer[index]), deviation * float(finer[index]))

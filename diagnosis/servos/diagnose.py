@@ -17,6 +17,7 @@ from testbench.effects.signature import Quantity
 from testbench.robot import Robot
 
 from ..decision.probability import held_by
+from ..decision.verdict import PARAMETERS_SHARE
 from .contest import ACCEPTED, Contest, Round
 from .evidence import Weighed
 from .findings import Experiment, ServoCandidate, ServoDiagnosis, ServoFault, ServoShare
@@ -26,10 +27,8 @@ from .sizes import Sizes, sizes_of
 
 Array = NDArray[np.float64]
 
-# An effect that is likelier than this beside the stated one may be in its place; fewer are listed.
-CONFUSABLE, LISTED = 0.03, 0.01
-# A model as given that is no worse than this times the re-identified one explains the runs.
-AS_GOOD = 1.1
+# An effect that is likelier than this may be in the stated one's place, or is not ruled out.
+CONFUSABLE = 0.03
 # Of a joint's RMS speed: slower is near rest, faster is fast.
 NEAR_REST, FAST = 0.2, 1.5
 # A regime is said where the squared error is so many times as dense there.
@@ -179,7 +178,7 @@ def _candidates(found: _OfLimb, most: float) -> list[ServoCandidate]:
             place = each.place
             joint = None if place.joint is None else names[place.joint]
             reason = "in the corrected model, but not stated: see the notes"
-            if each.probability < LISTED:
+            if each.probability < CONFUSABLE:
                 reason = "explains the runs less well"
             elif each.probability < ACCEPTED:
                 reason = f"likelier than not only from {ACCEPTED:.0%}: these runs do not decide"
@@ -194,7 +193,8 @@ def _verdict(found: Sequence[_OfLimb], faults: Sequence[ServoFault], errors: Arr
         return "effect"
     if any(each.rounds[-1].verdicts.in_order < 0.5 or each.notes for each in found):
         return "unknown"
-    return "none" if np.all(errors[0] <= AS_GOOD * np.maximum(errors[1], errors[3])) else "parameters"
+    as_good = errors[0] <= (1 + PARAMETERS_SHARE) * np.maximum(errors[1], errors[3])
+    return "none" if np.all(as_good) else "parameters"
 
 
 def _where(

@@ -19,15 +19,13 @@ from .sizes import Sizes
 
 Array = NDArray[np.float64]
 
-# Probabilities before the runs are looked at: a limb in order, a fault of the catalogue, another one.
-IN_ORDER, FAULT, OTHER = 0.5, 0.4, 0.1
+# Odds before the runs are looked at, against a limb in order: a fault of the catalogue, another one.
+FAULT, OTHER = 0.8, 0.2
 # Something unknown leaves this share of a joint's position error, for so many unknowns: an effect there that
 # explains less of it is no explanation.
 OTHER_LEAVES, OTHER_UNKNOWNS = 0.7, 6
 # Of an effect's largest size: beyond, it is held by that bound.
 INSIDE = 0.99
-# Relative deviation of a size that only a grid was searched for.
-OF_GRID = 0.03
 
 
 # Hypotheses are the same only where they are one fit: their arrays have no single equality.
@@ -105,7 +103,7 @@ def weigh(base: Fitted, candidates: Sequence[Fitted], sizes: Sizes, places: int)
     likeliest = candidates[int(np.argmax(logs))].place if candidates else None
     there = None if likeliest is None else likeliest.joint
     other = own + float(np.max(gains) if there is None else gains[there])
-    terms = np.array([in_order + np.log(IN_ORDER), other + np.log(OTHER)])
+    terms = np.array([in_order, other + np.log(OTHER)])
     terms = np.append(terms, np.array(logs) + np.log(FAULT / places))
     odds = np.exp(terms - terms.max())
     odds /= odds.sum()

@@ -15,8 +15,9 @@ from .sizes import Sizes
 
 Array = NDArray[np.float64]
 
-# Sizes of an effect that are looked at first, between its smallest and its largest.
-SIZES = 4
+# Sizes of an effect that are looked at first, between its smallest and its largest, and then about the best
+# of them, for effects in whose size position is not smooth.
+SIZES, FINER = 4, 9
 # What a drive without velocity gain has not, or not apart from its position gain.
 OF_DAMPING = ("damping_gain_error", "torque_constant_error")
 
@@ -61,6 +62,13 @@ def grid(effect: DriveEffect) -> Array:
     shares = (np.arange(SIZES) + 0.5) / SIZES
     sizes = effect.smallest * (effect.largest / effect.smallest) ** shares
     return np.concatenate([-sizes, sizes]) if effect.two_sided else sizes
+
+
+def finer_grid(effect: DriveEffect, size: float) -> tuple[Array, float]:
+    """Sizes about one of the grid, half way to the next ones, and the relative deviation that they leave."""
+    step = np.log(effect.largest / effect.smallest) / SIZES
+    sizes = size * np.exp(step * np.linspace(-0.5, 0.5, FINER))
+    return np.clip(sizes, effect.smallest, effect.largest), float(step / (FINER - 1) / np.sqrt(12))
 
 
 def direction(place: Place, sizes: Sizes, joints: int) -> Array:

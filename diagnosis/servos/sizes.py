@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.output_error.problem import SMALLEST
 from identification.output_error.servo_run import SMOOTHING, SMOOTHING_SHARE, ServoRun
 from identification.output_error.unknowns import Knowledge
 from testbench.drives.effects.base import Scale
 
 Array = NDArray[np.float64]
 
-# Below these nothing is divided by, N·m and rad/s.
-LEAST = 1e-9
 # Share of the position error of the loop that no law of a drive follows.
 DISCREPANCY = 0.005
 # Of a run, the part at either end that a low-pass distorts: one so many-th.
@@ -54,13 +53,13 @@ def sizes_of(runs: Sequence[ServoRun], known: Knowledge, limit: Array) -> Sizes:
     scales = {
         Scale.ONE: full,
         Scale.TORQUE: known.torque_scale,
-        Scale.PEAK_TORQUE: peak + LEAST,
+        Scale.PEAK_TORQUE: peak + SMALLEST,
         Scale.SPEED: known.speed_scale,
         Scale.TORQUE_SLOPE: known.torque_scale / known.reach,
         Scale.DAMPING: known.torque_scale / known.speed_scale,
-        Scale.SLOWNESS: 1 / (fastest + LEAST),
+        Scale.SLOWNESS: 1 / (fastest + SMALLEST),
         Scale.INERTIA: known.inertia,
-        Scale.PER_TOTAL: full / (total + LEAST),
+        Scale.PER_TOTAL: full / (total + SMALLEST),
     }
     return Sizes(scales, noise_of(runs), np.sqrt(errors))
 

@@ -5,7 +5,7 @@ import pytest
 
 from diagnosis.data.preparation import prepare
 from diagnosis.decision.probability import MODEL_HOLDS, ONE_RUN
-from diagnosis.decision.ranking import CONFUSABLE
+from diagnosis.decision.reported_effects import CONFUSABLE
 from diagnosis.diagnose import diagnose
 from diagnosis.model.candidates import candidates
 from diagnosis.search.growth import attribute
