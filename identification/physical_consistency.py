@@ -183,7 +183,7 @@ def _newton(upper: Array, x: Array, unknowns: _Unknowns) -> Array:
     now = cost(x)
     for _ in range(PASSES):
         left, (slope, curvature) = rows @ x - right, _derivatives(x, unknowns)
-        root = np.linalg.cholesky(curvature)
+        root = _root(curvature)
         # Least squares, not the normal equations: the data's information spans many decades.
         wanted = -np.concatenate([left, np.linalg.solve(root, slope)])
         factor = np.asarray(np.linalg.qr(np.column_stack([np.vstack([rows, root.T]), wanted]), mode="r"))
@@ -198,6 +198,14 @@ def _newton(upper: Array, x: Array, unknowns: _Unknowns) -> Array:
         x = x + length * step
         now = cost(x)
     raise InputError("identification", "estimate", "a robot that could exist near it", "none that was found")
+
+
+def _root(curvature: Array) -> Array:
+    """R with R R' the curvature (d, d), positive definite where rounding next to a bound leaves it less."""
+    scale = np.sqrt(np.diag(curvature))
+    eigenvalues, vectors = np.linalg.eigh(curvature / np.outer(scale, scale))
+    rounding = len(scale) * np.finfo(float).eps * eigenvalues[-1]
+    return scale[:, None] * vectors * np.sqrt(np.maximum(eigenvalues, rounding))
 
 
 def _parts(x: Array, unknowns: _Unknowns) -> tuple[Array, Array, Array]:

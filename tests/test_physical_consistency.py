@@ -133,3 +133,10 @@ def test_a_mass_that_the_data_determine_by_itself_is_written_as_it_is(tmp_path):
     values = base.values(robot.parameters * np.where(np.arange(PER_JOINT) == MASS, 5.0, 1.0))
     standard = consistent_standard_parameters(base, values, np.diag((0.01 * values) ** 2), robot.parameters)
     assert standard[MASS] == pytest.approx(10.0, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", [5, 8, 11])
+def test_an_estimate_far_from_any_robot_still_has_a_nearest_one(nominal, seed):
+    base, given = nominal
+    impossible = given * np.random.default_rng(seed).normal(1.0, 10.0, given.size)
+    _written(nominal, base.values(impossible), 1e-4)

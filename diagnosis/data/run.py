@@ -21,16 +21,14 @@ from .decimation import DecimatingFilter, filtered, filtered_in_parts, filtered_
 Array = NDArray[np.float64]
 
 # Hz, the widest band in which gaps are analysed.
-CUTOFF = 20.0
+CUTOFF = Preprocessing.cutoff
 # Samples that a run needs, and that count of a joint that moves in it.
 SMALLEST_RUN = 40
 # rad/s (m/s): how slow a joint must be for its friction's sign to be unknown.
-DEAD_ZONE = 0.02
+DEAD_ZONE = Preprocessing.dead_zone
 # Beyond where a filter smears a wrong sign of friction little of it is left, with the other sign, but a slow
 # turn lasts: samples of which more than this share may be wrong do not count.
 MOST_SMEARED = 0.05
-# Samples whose torque by the model is taken at once.
-AT_ONCE = 1 << 12
 
 
 @dataclass(frozen=True)
@@ -66,15 +64,8 @@ class Run:
 
     def by_model(self, parameters: Array) -> Array:
         """Filtered torque (M, n) N·m of standard parameters (14 n,)."""
-        out = np.empty_like(self.torque)
-        loading = [self.logged.chain.loading(joint) for joint in range(len(self.rows))]
-        for first in range(0, len(out), AT_ONCE):
-            part = slice(first, first + AT_ONCE)
-            dense = np.zeros((*out[part].shape, len(parameters)))
-            for joint, rows in enumerate(self.rows):
-                dense[:, joint, loading[joint]] = rows[part]
-            out[part] = dense @ parameters
-        return out
+        loading = self.logged.chain.loading
+        return np.column_stack([rows @ parameters[loading(joint)] for joint, rows in enumerate(self.rows)])
 
     def away_from(self, joint: int, speed: float) -> NDArray[np.bool_]:
         """The samples (M,) not smeared with friction turning, at speeds up to this one, rad/s (m/s)."""
@@ -227,4 +218,4 @@ class Prepared:
 
 def filter_cutoff(sample_rate: float) -> float:
     """The low-pass of torque and columns at this sample rate, Hz."""
-    return Preprocessing(CUTOFF).at(sample_rate).cutoff
+    return Preprocessing().at(sample_rate).cutoff

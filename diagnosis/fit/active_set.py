@@ -4,18 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from .bounded import RIDGE
+from .bounded import ROUNDING
 
 Array = NDArray[np.float64]
-
-# Of a bound, relative: rounding on the way there.
-AT_BOUND = 1e-9
 
 
 def at_bounds(values: Array, bounds: tuple[Array, Array]) -> NDArray[np.bool_]:
     """Mask (p,) of the unknowns that are at one of their bounds."""
     lower, upper = bounds
-    nearness = AT_BOUND * np.abs(values)
+    nearness = ROUNDING * np.abs(values)
     return (values <= lower + nearness) | (values >= upper - nearness)
 
 
@@ -32,7 +29,7 @@ class Inverse:
         diagonal = np.diag(matrix)
         self.scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
         scaled = matrix * np.outer(self.scale, self.scale)
-        scaled[np.diag_indices_from(scaled)] += RIDGE
+        scaled[np.diag_indices_from(scaled)] += ROUNDING
         self.factor = cho_factor(scaled, lower=True)
 
     def times(self, right: Array) -> Array:

@@ -9,11 +9,11 @@ from identification.compiled import njit
 
 Array = NDArray[np.float64]
 
-RIDGE = 1e-12
-RIDGES = (RIDGE, 1e-9, 1e-6)
-# Against exact collinearity within a candidate, relative.
+# Of unknowns, relative, and of a matrix of unit diagonal, where it is a ridge that changes nothing.
+ROUNDING = 1e-12
+# Of a column's squares, against exact collinearity of a few.
 SMALL_RIDGE = 1e-9
-SWEEPS, CONVERGED = 500, 1e-12
+SWEEPS = 500
 
 
 def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
@@ -33,7 +33,7 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
     scale = 1 / np.sqrt(np.diag(matrix))
     factor = _factor(matrix * np.outer(scale, scale))
     free = scale * cho_solve(factor, scale * right)
-    if np.all(free >= lower - 1e-12 * np.abs(free)) and np.all(free <= upper + 1e-12 * np.abs(free)):
+    if np.all(free >= lower) and np.all(free <= upper):
         return free
     # Cholesky's last rows are the root of the normal equations of the last unknowns alone: what comes before
     # the first bounds follows from those.
@@ -48,13 +48,13 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
 
 def _factor(scaled: Array) -> tuple[Array, bool]:
     """Cholesky factor of a matrix (p, p) of unit diagonal, by the smallest ridge that lets it have one."""
-    for ridge in RIDGES:
-        try:
-            return cho_factor(scaled + ridge * np.eye(len(scaled)), lower=True)
-        except np.linalg.LinAlgError:
-            # Sums that others were subtracted from: a direction without information is rounding, of any sign.
-            continue
-    raise np.linalg.LinAlgError("no ridge makes these normal equations positive definite")
+    ridge = ROUNDING * np.eye(len(scaled))
+    try:
+        return cho_factor(scaled + ridge, lower=True)
+    except np.linalg.LinAlgError:
+        # Sums that others were subtracted from: a direction without information is rounding, of any sign.
+        least = float(np.linalg.eigvalsh(scaled)[0])
+        return cho_factor(scaled + ridge + 2 * abs(least) * np.eye(len(scaled)), lower=True)
 
 
 def minimisers(matrix: Array, right: Array, size: Array, lower: Array, upper: Array) -> Array:
@@ -62,7 +62,7 @@ def minimisers(matrix: Array, right: Array, size: Array, lower: Array, upper: Ar
 
     size: (C, k) of A's diagonal before anything was taken off: rounding may leave less than nothing of it.
     """
-    least = np.maximum(RIDGE * size, np.finfo(float).tiny)
+    least = np.maximum(ROUNDING * size, np.finfo(float).tiny)
     scale = np.sqrt(np.maximum(np.einsum("caa->ca", matrix), least))
     scaled = matrix / (scale[:, :, None] * scale[:, None, :]) + SMALL_RIDGE * np.eye(right.shape[1])
     target = right / scale
@@ -88,5 +88,5 @@ def _box_minimum(matrix: Array, right: Array, lower: Array, upper: Array, x: Arr
             new = min(max(x[a] + slope / matrix[a, a], lower[a]), upper[a])
             largest = max(largest, abs(new - x[a]))
             x[a] = new
-        if largest <= CONVERGED * (1.0 + np.abs(x).max()):
+        if largest <= ROUNDING * (1.0 + np.abs(x).max()):
             break

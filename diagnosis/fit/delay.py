@@ -22,12 +22,11 @@ from .normal_equations import Fit, log_of_squares
 
 Array = NDArray[np.float64]
 
-# Seconds: steps of what is tried, how near the likeliest is found, and how late a log may have its torque.
-STEP, TOLERANCE, LATEST = 0.003, 1e-6, 0.1
-DELAYS = np.arange(0.0, effect(DELAY).DESCRIPTION.parameters[0].upper, STEP)
-LATENESSES = np.arange(-LATEST, TOLERANCE, STEP)
-# Orders of a low-pass that torque may have passed, and time constants of its corner, s.
-ORDERS, CONSTANTS = (1, 2), np.arange(STEP, 0.04, STEP)
+# Seconds: steps of what is tried, and how late a log may have its torque.
+STEP, LATEST = 0.003, 0.1
+DELAYS = np.arange(0.0, effect(DELAY).DESCRIPTION.parameter("delay").upper, STEP)
+# Time constants of the corner of a low-pass that torque may have passed, s, and its orders.
+CONSTANTS, ORDERS = np.arange(STEP, LATEST, STEP), (1, 2)
 # How much likelier than a time alone, an independent sample: real ones by .3 and more, a mean over 40 ms,
 # which is neither, by .12.
 PASSED = 0.2
@@ -39,7 +38,7 @@ def likeliest_delay(hypothesis: Design, fitted: Fit) -> tuple[float, Array]:
     hypothesis: with the delay as one of its effects, or without.
     """
     shifted = _Shifted(hypothesis, fitted)
-    delay = shifted.likeliest(DELAYS, TOLERANCE, np.inf)
+    delay = shifted.likeliest(DELAYS, 0.0, np.inf)
     values = shifted.fit(delay)[1]
     for each, own in zip(hypothesis.accepted, hypothesis.parts, strict=True):
         if each.is_common_delay:
@@ -54,7 +53,7 @@ def likeliest_lateness(hypothesis: Design, fitted: Fit, surely: float) -> Torque
     logs were taken. Through a low-pass only where that is far likelier than by a time alone.
     """
     shifted = _Shifted(hypothesis, fitted)
-    late = -shifted.likeliest(LATENESSES, -np.inf, -TOLERANCE)
+    late = -shifted.likeliest(-CONSTANTS, -np.inf, 0.0)
     most = shifted.fit(-late)[0]
     if most < max(shifted.fit(delay)[0] for delay in DELAYS.tolist()) + surely:
         return IN_TIME
@@ -80,9 +79,7 @@ class _Shifted:
         """The likeliest delay, s, near the likeliest of those that are tried, from the least to the most."""
         nearest = tried[np.argmax([self.fit(delay)[0] for delay in tried.tolist()])]
         bounds = max(nearest - STEP, least), min(nearest + STEP, most)
-        found = minimize_scalar(
-            lambda delay: -self.fit(delay)[0], bounds=bounds, method="bounded", options={"xatol": TOLERANCE}
-        )
+        found = minimize_scalar(lambda delay: -self.fit(delay)[0], bounds=bounds, method="bounded")
         return float(found.x)
 
     def fit(self, delay: float) -> tuple[float, Array]:
@@ -101,9 +98,8 @@ class _Shifted:
         nearest = float(CONSTANTS[np.argmax(gains)])
         found = minimize_scalar(
             lambda constant: -self.through(TorqueLag(0.0, order, constant))[0],
-            bounds=(nearest - STEP + TOLERANCE, nearest + STEP),
+            bounds=(nearest - STEP, nearest + STEP),
             method="bounded",
-            options={"xatol": TOLERANCE},
         )
         return TorqueLag(0.0, order, float(found.x)), -float(found.fun)
 

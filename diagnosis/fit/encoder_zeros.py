@@ -5,24 +5,26 @@ large one. Counted from the right zero, torque is linear in all parameters again
 """
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from identification.regressor import regressor
+from testbench.effects import effect
 
+from ..model.candidate import ZERO
 from ..model.hypothesis import Design, log_prior, scaled_precision
 from .normal_equations import Fit, log_of_squares
 
 Array = NDArray[np.float64]
 
-# rad: offsets that are tried first, both ways; those that are tried where they gain; how near the likeliest
-# is found; and what its derivative says as well.
-FIRST, FURTHER = np.deg2rad(3), np.deg2rad([6, 11, 16, 22, 28])
-TOLERANCE, LEAST = 1e-3, 0.03
-# Log-posterior that counting from elsewhere must add, and the share of the most that a joint must at first.
-SURELY, AS_MUCH = 14.0, 0.3
+# rad: the derivative of the load by a zero holds up to so much of it; farther ones are tried in such steps.
+FAR_OFF = 0.03
+OFFSETS = np.arange(FAR_OFF, effect(ZERO).DESCRIPTION.parameter("offset").upper, FAR_OFF)
+# Log-posterior that counting from elsewhere must add.
+SURELY = 14.0
 # Samples that are looked at, evenly spread over all runs.
 MOST = 800
 
@@ -43,14 +45,12 @@ def likeliest_zero(hypothesis: Design, fitted: Fit) -> Zero | None:
     """
     counted = _Counted(hypothesis, fitted)
     hinges = np.flatnonzero(~hypothesis.prepared.robot.chain.is_slide).tolist()
-    before = counted.fit(hinges[0], 0.0)[0] if hinges else 0.0
-    first = {(j, way): counted.fit(j, way * FIRST)[0] - before for j in hinges for way in (-1, 1)}
-    most = max(first.values(), default=0.0)
-    if most <= 0:
+    if not hinges:
         return None
-    found = [counted.likeliest(*place) for place, gain in first.items() if gain > AS_MUCH * most]
-    joint, offset, likelihood = max(found, key=lambda each: each[2])
-    if likelihood - before < SURELY or abs(offset) < LEAST:
+    before = counted.fit(hinges[0], 0.0)[0]
+    joint, way = max(product(hinges, (-1, 1)), key=lambda each: counted.fit(each[0], each[1] * FAR_OFF)[0])
+    offset, likelihood = counted.likeliest(joint, way)
+    if likelihood - before < SURELY or abs(offset) < FAR_OFF:
         return None
     return Zero(joint, offset, counted.fit(joint, offset)[1])
 
@@ -94,19 +94,15 @@ class _Counted:
         likelihood = log_of_squares(self.hypothesis.independent, np.array(squares))
         return likelihood + float(log_prior(self.hypothesis, values)), values
 
-    def likeliest(self, joint: int, way: int) -> tuple[int, float, float]:
-        """A joint, the offset that way that is likeliest, rad, and its log-posterior."""
-        tried = [0.0, *(way * angle for angle in (FIRST, *FURTHER))]
-        gains = [self.fit(joint, offset)[0] for offset in tried]
-        best = int(np.argmax(gains))
-        around = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
+    def likeliest(self, joint: int, way: int) -> tuple[float, float]:
+        """The offset of a joint that way that is likeliest, rad, and its log-posterior."""
+        nearest = max((way * OFFSETS).tolist(), key=lambda offset: self.fit(joint, offset)[0])
         found = minimize_scalar(
             lambda offset: -self.fit(joint, offset)[0],
-            bounds=(min(around), max(around)),
+            bounds=(nearest - FAR_OFF, nearest + FAR_OFF),
             method="bounded",
-            options={"xatol": TOLERANCE},
         )
-        return joint, float(found.x), -float(found.fun)
+        return float(found.x), -float(found.fun)
 
     def _rows(self, q: Array) -> Array:
         """The standard regressor (K, n, 14 links) at these positions."""

@@ -19,16 +19,15 @@ from ..model.hypothesis import Design, design
 from .likelihood import likeliest_of
 from .normal_equations import Fit, fit, fitted_to
 from .score import Stage
-from .shape_covariance import covariance_with_shapes, slopes_by_shapes
+from .shape_covariance import STEP, covariance_with_shapes, slopes_by_shapes
 from .shape_search import ranges, search, searched_for, share_of
 
 Array = NDArray[np.float64]
 
-# All effects in turn, again where there are several, as the shapes of one move those of another: the least
-# first step of each pass, as a share of a shape's range.
-LEAST_STEPS = (0.02, 0.003)
-# And what it is else: standard deviations of the shape, and the most.
-DEVIATIONS, MOST_STEP = 1.5, 0.1
+# All effects in turn, again where there are several, as the shapes of one move those of another.
+PASSES = 2
+# The largest first step, as a share of a shape's range.
+MOST_STEP = 0.1
 # Shapes tried a pass, for one of a member's shapes and for each more.
 TRIED = 12
 
@@ -39,9 +38,9 @@ def at_likeliest_shapes(robot: Robot, hypothesis: Design, fitted: Fit) -> tuple[
     robot: that sizes are relative to. A delay has its exact size already.
     """
     searched = sum(is_searched(each) for each in hypothesis.accepted)
-    for least_step in LEAST_STEPS[:searched]:
+    for _ in range(min(searched, PASSES)):
         refined = [
-            at_likeliest_shape(robot, hypothesis, fitted, place, least_step) if is_searched(each) else each
+            at_likeliest_shape(robot, hypothesis, fitted, place) if is_searched(each) else each
             for place, each in enumerate(hypothesis.accepted)
         ]
         hypothesis, fitted = fitted_to(hypothesis.base, refined)
@@ -89,9 +88,7 @@ def is_searched(each: Candidate) -> bool:
     return each.family.member is not None and not each.is_common_delay and bool(searched_for(each))
 
 
-def at_likeliest_shape(
-    robot: Robot, hypothesis: Design, fitted: Fit, place: int, least_step: float = LEAST_STEPS[0]
-) -> Candidate:
+def at_likeliest_shape(robot: Robot, hypothesis: Design, fitted: Fit, place: int) -> Candidate:
     """An effect at the likeliest of its shapes, with the others kept as they are."""
     each, prepared = hypothesis.accepted[place], hypothesis.prepared
     others = design(hypothesis.base, [*hypothesis.accepted[:place], *hypothesis.accepted[place + 1 :]])
@@ -113,7 +110,7 @@ def at_likeliest_shape(
             best, most = tried, found[0]
         return -found[0]
 
-    steps = np.clip(_deviations(hypothesis, fitted, place), least_step, MOST_STEP)
+    steps = np.clip(_deviations(hypothesis, fitted, place), STEP, MOST_STEP)
     search(each, steps, TRIED * len(steps), negative)
     return best
 
@@ -134,11 +131,11 @@ def _by_another_way(robot: Robot, stage: Stage, each: Candidate, most: float) ->
 
 
 def _deviations(hypothesis: Design, fitted: Fit, place: int) -> Array:
-    """So many standard deviations of an effect's shapes, (s,) as shares of their ranges."""
+    """Standard deviations of an effect's shapes, (s,) as shares of their ranges."""
     each = hypothesis.accepted[place]
     names = searched_for(each)
     variances = np.diag(covariance_with_shapes(hypothesis, fitted, place))[each.count :]
-    known = dict(zip(each.family.refine, DEVIATIONS * np.sqrt(np.maximum(variances, 0.0)), strict=True))
+    known = dict(zip(each.family.refine, np.sqrt(np.maximum(variances, 0.0)), strict=True))
     values, spread = (np.array([of[name] for name in names]) for of in (each.member.shape, known))
     bounds = ranges(each, names)
     return share_of(values + spread, *bounds) - share_of(values, *bounds)

@@ -7,24 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.parameters import INERTIAL, PER_JOINT
-from identification.prior import TIMING
 from testbench.effects import effect
 
 from ..data.run import Prepared
 from ..model.base_regressor import BaseRegressor
 from ..model.candidate import ZERO, Candidate
 from ..model.candidates import candidate
-from ..model.hypothesis import Design
+from ..model.hypothesis import LATE, Design
 from .delay import likeliest_delay
-from .encoder_zeros import likeliest_zero
+from .encoder_zeros import FAR_OFF, likeliest_zero
 from .normal_equations import Fit, fitted_to, standard_values
 
 Array = NDArray[np.float64]
-
-# rad: the derivative of the load by a zero holds up to so much of it.
-FAR_OFF = 0.03
-# Timing errors from which on a delay may have bent all parameters, in the prior's deviations.
-LATE = 3.0
 
 
 def bends_parameters(each: Candidate) -> bool:
@@ -39,7 +33,8 @@ def first_linearised(prepared: Prepared, seeks_zero: bool = True) -> Prepared:
     zeros = np.zeros(prepared.joints)
     if seeks_zero and (zero := likeliest_zero(hypothesis, fitted)) is not None:
         values, zeros[zero.joint] = zero.values, zero.offset
-    elif abs(values[hypothesis.timing]) > LATE * TIMING:
+    elif abs(values[hypothesis.timing]) > LATE:
+        # A delay may have bent all parameters.
         _, values = likeliest_delay(hypothesis, fitted)
     return _linearised(hypothesis, values, (), zeros)[0]
 

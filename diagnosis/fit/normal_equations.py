@@ -16,7 +16,7 @@ from ..data.run import Prepared
 from ..model.base_regressor import BaseRegressor
 from ..model.candidate import Candidate
 from ..model.hypothesis import Design, bounds, design, likeliest_scales, scaled_precision
-from .bounded import RIDGE, solve
+from .bounded import ROUNDING, SWEEPS, solve
 
 Array = NDArray[np.float64]
 
@@ -25,8 +25,7 @@ FITTED_LEFT = 0.3
 WEIGHT_PASSES = 3
 # A model is poor from this variance scale of the prior on; there it is made to converge within each pass, to
 # this share of itself, and taken where it is so many times the one that lags.
-POOR, LAGS = 3.0, 5.0
-SCALE_PASSES, SCALE_CONVERGED = 30, 0.01
+POOR, SCALE_CONVERGED, LAGS = 3.0, 0.01, 5.0
 # Misfit can be coloured without end; a joint must not lose its say altogether over it.
 LARGEST_INFLATION = 10.0
 
@@ -68,7 +67,7 @@ def fit(hypothesis: Design, like: Fit | None = None) -> Fit:
     )
     folds = hypothesis.weighted(weights)
     information = folds[0].sum(axis=0)
-    information[np.diag_indices_from(information)] += scaled_precision(hypothesis, prior_scales) + RIDGE
+    information[np.diag_indices_from(information)] += scaled_precision(hypothesis, prior_scales) + ROUNDING
     values = _values(hypothesis, folds, prior_scales, (lower, upper))
     residual = _residual(hypothesis, values)
     distance = float(values**2 @ scaled_precision(hypothesis, prior_scales))
@@ -94,7 +93,7 @@ def _weights_and_scale(hypothesis: Design) -> tuple[Array, Array]:
     """
     found = _in_turn(hypothesis, 1)
     if np.any(found[1] > POOR):
-        converged = _in_turn(hypothesis, SCALE_PASSES)
+        converged = _in_turn(hypothesis, SWEEPS)
         if np.any(converged[1] > LAGS * found[1]):
             return converged
     return found

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from identification.prior import TIMING
 from testbench.log import Recording
 from testbench.robot import Robot
 from testbench.torque_lag import IN_TIME, TorqueLag
@@ -16,14 +17,13 @@ from testbench.torque_lag import IN_TIME, TorqueLag
 from ..data.preparation import prepare
 from ..data.run import Prepared
 from ..model.base_regressor import BaseRegressor
+from ..model.hypothesis import LATE
 from .delay import likeliest_lateness
 from .normal_equations import fitted_to, rms
 
-# Seconds; what is less, the timing among the unknowns says as well.
-LEAST = 2e-3
-# It is looked for where that linear timing is so late, s, or, as it says nothing of what is far off, where
-# re-identification leaves this share of half the joints' torque.
-FIRST_GUESS, LEFT = 1e-3, 0.1
+# The linear timing says nothing of what is far off, where re-identification leaves this share of half the
+# joints' torque.
+LEFT = 0.1
 # How much likelier it must be, in units of log-likelihood: real ones are so by a thousand.
 SURELY = 100.0
 
@@ -39,7 +39,7 @@ def lateness(prepared: Prepared) -> TorqueLag:
     """How all torque of these runs is surely late; in time where the unknown timing says as well."""
     hypothesis, fitted = fitted_to(BaseRegressor(prepared), [])
     poor = np.median(rms(fitted.residual, hypothesis) / hypothesis.base.torque_rms) > LEFT
-    if fitted.values[hypothesis.timing] < FIRST_GUESS and not poor:
+    if fitted.values[hypothesis.timing] < TIMING and not poor:
         return IN_TIME
     lag = likeliest_lateness(hypothesis, fitted, SURELY)
-    return lag if lag.seconds > LEAST else IN_TIME
+    return lag if lag.seconds > LATE else IN_TIME

@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 
 from identification.parameters import MASS
 
+from ..fit.bounded import SMALL_RIDGE
 from ..model.base_regressor import BaseRegressor
 from ..model.candidate import Candidate
 from ..model.hypothesis import INDEPENDENT
@@ -28,8 +29,6 @@ Array = NDArray[np.float64]
 
 # Deviation of a drive's gain, where nothing determines it.
 GAIN = 0.15
-# Of the base columns' squares, against those that one joint alone does not determine.
-RIDGE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -89,10 +88,11 @@ def _of_joint(
     x = x[:, np.any(x != 0, axis=0)]
     size = np.sqrt(np.sum(x**2, axis=0))
     basis, values, _ = np.linalg.svd(x / size, full_matrices=False)
-    basis = basis[:, values > np.sqrt(RIDGE) * values[0]] if len(values) else basis
+    # One joint alone does not determine all base parameters.
+    basis = basis[:, values > np.sqrt(SMALL_RIDGE) * values[0]] if len(values) else basis
     left, rest = z - basis @ (basis.T @ z), y - basis @ (basis.T @ y)
     rotated, known, turned = np.linalg.svd(left, full_matrices=False)
-    seen = known > np.sqrt(RIDGE) * max(float(known.max(initial=0.0)), float(np.finfo(float).tiny))
+    seen = known > np.sqrt(SMALL_RIDGE) * max(float(known.max(initial=0.0)), float(np.finfo(float).tiny))
     target = rotated[:, seen].T @ rest
     # What is left beside the payloads is the noise, of which one sample in 1 / INDEPENDENT is of its own.
     noise = np.sum((rest - rotated[:, seen] @ target) ** 2) / max(INDEPENDENT * len(rest), 1.0)

@@ -9,18 +9,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.held_estimate import LEAST_TORQUE, SLOWEST
 from identification.prior import TIMING, parameter_widths
+from testbench.effects.logged import MOST_BYTES
 
 from ..data.run import Prepared
 
 Array = NDArray[np.float64]
-
-# rad/s (m/s), and rad/s² (m/s²): what a joint that is at rest counts as moving by.
-SLOWEST = 0.01
-# Of the strongest joint's torque: a joint that reports none is judged by shares of its torque all the same.
-LEAST_TORQUE = 1e-9
-# Bytes of gathered rows that are kept; those of longer runs are gathered whenever they are read.
-MOST_KEPT = 1 << 27
 
 
 class BaseRegressor:
@@ -30,7 +25,7 @@ class BaseRegressor:
     gap: a run, (M, n) N·m, torque less the model's. used: a fold, a joint, the run's samples that count. y:
     their rows of the gap, (m,). xx, xy: the products, (u, u) of a fold and what loads a joint, and (F, n, p).
     precision: (p,) of the prior. torque_rms: (n,) N·m of the joints' torque. is_small: whether gathered rows
-    are kept.
+    are kept; those of longer runs are gathered whenever they are read.
     """
 
     def __init__(self, prepared: Prepared):
@@ -52,7 +47,7 @@ class BaseRegressor:
             np.hstack([run.filtered(run.logged.predicted_rate(j)[:, None], [j]) for j in range(self.joints)])
             for run in prepared.runs
         ]
-        self.is_small = sum(rows.nbytes for run in prepared.runs for rows in run.rows) <= MOST_KEPT
+        self.is_small = sum(rows.nbytes for run in prepared.runs for rows in run.rows) <= MOST_BYTES
         self._columns: dict[tuple[int, int], Array] = {}
         self._x: dict[tuple[int, int], Array] = {}
         self.gap = tuple(run.torque - run.by_model(prepared.nominal) for run in prepared.runs)

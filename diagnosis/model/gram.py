@@ -5,7 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .base_regressor import MOST_KEPT, BaseRegressor
+from testbench.effects.logged import MOST_BYTES
+
+from .base_regressor import BaseRegressor
 from .candidate import Candidate
 
 Array = NDArray[np.float64]
@@ -29,7 +31,7 @@ class Bank:
         self.reached = [self._columns_of(own) for own in self._reach]
         self.joints = [j for j in range(n) if len(self.reached[j])]
         used = np.array([[len(rows) for rows in fold] for fold in base.used]).sum(axis=0)
-        self._is_small = 8 * used @ [len(own) for own in self.reached] <= MOST_KEPT
+        self._is_small = 8 * used @ [len(own) for own in self.reached] <= MOST_BYTES
         self._z: dict[tuple[int, int], Array] = {}
         self.zx: list[list[Array]] = [[] for _ in folds]
         # Candidates of the same number of coefficients are solved together.

@@ -28,12 +28,12 @@ INDEPENDENT = 0.25
 FEWEST_INDEPENDENT, FEWEST_OF_ALL = 80.0, 40.0
 # Variance scale of the prior where a model is as good as any: a third of the deviations one expects of CAD.
 BEST_MODEL = 0.1
-# Number of a joint's identifiable parameters, about: of link and rotor, of friction and its offset.
-DETERMINED = (6.0, 3.0)
+# Number of a joint's identifiable parameters of link and rotor, about; those of friction all are.
+DETERMINED = 6.0
+FRICTION = (VISCOUS, COULOMB, OFFSET)
 # Deviation of a push, in units of the strongest joint's RMS torque.
 LARGEST_PUSH = 3.0
-NO_TIMING = 1e-8
-# Seconds: torque and position are sampled less than this apart.
+# Seconds: torque and position are sampled less than this apart, and a timing error that is linear holds.
 LATE = 2.4e-3
 
 
@@ -95,7 +95,7 @@ class Design:
         """Masks of the unknowns of each kind, (2, p): links and rotors; friction and offsets."""
         kinds, of_joint = np.zeros((2, len(self.precision))), np.zeros((2, PER_JOINT))
         of_joint[0, [*range(INERTIAL), ARMATURE]] = 1.0
-        of_joint[1, [VISCOUS, COULOMB, OFFSET]] = 1.0
+        of_joint[1, FRICTION] = 1.0
         kinds[:, : self.timing] = np.tile(of_joint, self.prepared.robot.chain.links)
         if (followers := self.prepared.robot.chain.followers) is not None:
             kinds[:, : self.timing][:, followers.is_nobodys(np.arange(self.timing))] = 0.0
@@ -206,7 +206,7 @@ def design(base: BaseRegressor, accepted: Sequence[Candidate] = (), is_delayed: 
     precision = np.concatenate([base.precision, *free])
     if is_delayed or any(c.is_common_delay for c in accepted):
         # A delay that is an effect leaves none to the way the log was taken.
-        precision[base.parameters - 1] = NO_TIMING**-2
+        precision[base.parameters - 1] /= np.sqrt(np.finfo(float).eps)
     return Design(base, tuple(accepted), precision)
 
 
@@ -242,4 +242,4 @@ def bounds(hypothesis: Design) -> tuple[Array, Array]:
 
 def _determined(hypothesis: Design) -> Array:
     """Number of identifiable parameters of each kind, (2,): about nine of fourteen a joint."""
-    return hypothesis.prepared.joints * np.array(DETERMINED)
+    return hypothesis.prepared.joints * np.array([DETERMINED, len(FRICTION)])
