@@ -132,6 +132,12 @@ class Prepared:
         return self.band * max(filter_cutoff(run.logged.sample_rate) for run in self.runs)
 
     @cached_property
+    def largest_torque(self) -> Array:
+        """(n,) N·m, the largest of each joint along the runs, as logged or as the model has it."""
+        both = [[run.torque, run.by_model(self.nominal)] for run in self.runs]
+        return np.max([np.abs(of_run).max(axis=(0, 1)) for of_run in both], axis=0)
+
+    @cached_property
     def moved(self) -> NDArray[np.bool_]:
         """Which joints move in each run, (R, n)."""
         return np.array([run.used.sum(axis=0) >= SMALLEST_RUN for run in self.runs])

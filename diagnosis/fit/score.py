@@ -133,11 +133,13 @@ class Stage:
         own = np.einsum("j,fjab->ab", self.weights, bank.squares[0][0])
         if not np.any(np.diag(own) > 0):
             return None
-        cross, member, values = sums.cross.sum(axis=0), candidate.member, self.fitted.values
+        cross, values = sums.cross.sum(axis=0), self.fitted.values
         matrix = np.block([[self.total, cross.T], [cross, own]])
         right = np.concatenate([self.falls, sums.right.sum(axis=0)])
-        lower, upper = (bound - values for bound in self.fitted.bounds)
-        lower, upper = np.concatenate([lower, member.lower]), np.concatenate([upper, member.upper])
+        lower, upper = (
+            np.concatenate([bound - values, own])
+            for bound, own in zip(self.fitted.bounds, candidate.bounds, strict=True)
+        )
         moved = solve(matrix, right, lower, upper)
         return float(moved @ (2 * right - matrix @ moved)), moved[len(values) :]
 
@@ -168,7 +170,7 @@ class Stage:
             own = by_fold.sum(axis=1)
             own[:, range(k), range(k)] = size
             chosen = [bank.candidates[c] for c in members]
-            bounds = [np.array([getattr(c.member, side) for c in chosen]) for side in ("lower", "upper")]
+            bounds = [np.array(of_side) for of_side in zip(*(c.bounds for c in chosen), strict=True)]
             free = np.array([c.is_free for c in chosen])
             held_back = FREE_RIDGE * free[:, None] * size + np.array([c.precision for c in chosen])
             ridge = held_back[:, :, None] * np.eye(k)

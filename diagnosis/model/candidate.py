@@ -20,6 +20,8 @@ Place = tuple[str, int | None, int | None]
 # at any size.
 PUSH, SATURATION = "external_contact", "torque_saturation"
 DELAY, ZERO = "torque_delay", "encoder_offset"
+# Times the largest torque that a joint has along the runs, or has by the model: more, no effect takes there.
+MOST_TORQUE = 3.0
 # What the effect of a free function of the motion is called before its regime.
 FREE = "unknown: "
 # Of what is under no law of the catalogue.
@@ -32,8 +34,8 @@ class Candidate:
 
     family: the effect and its place. member: which shape. filtered: a run, (M, r, k) at the member's rows.
     joints: n of the robot. samples: of all these runs together, at the full rate. sample_time: s, the longest
-    of them. position_step: (n,) rad (m), that their encoders count in, the coarsest. is_carried: whether the
-    load of these runs has its torque already.
+    of them. position_step: (n,) rad (m), that their encoders count in, the coarsest. largest_torque: (n,) N·m
+    (N), of the joints along them. is_carried: whether the load of these runs has its torque already.
     """
 
     family: Family
@@ -43,12 +45,29 @@ class Candidate:
     samples: int
     sample_time: float
     position_step: Array
+    largest_torque: Array
     is_carried: bool = False
 
     @cached_property
     def columns(self) -> tuple[Array, ...]:
         """A run each, (M, n, k): filtered, and zero where the effect does not reach."""
         return tuple(over_all_joints(run, self.member.rows, self.joints) for run in self.filtered)
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds (k,) of the coefficients.
+
+        The law's, and where it takes more torque at some sample than any effect does: where no sample counts,
+        as near rest, nothing else keeps it small. A push has none of these.
+        """
+        lower, upper = self.member.lower, self.member.upper
+        if self.is_event:
+            return lower, upper
+        most = MOST_TORQUE * self.largest_torque[list(self.member.rows), None]
+        peak = np.max([np.maximum(run.max(axis=0), -run.min(axis=0)) for run in self.filtered], axis=0)
+        bounded = (most > 0) & (peak > 0)
+        largest = np.divide(most, peak, out=np.full(peak.shape, np.inf), where=bounded).min(axis=0)
+        return np.maximum(lower, -largest), np.minimum(upper, largest)
 
     @property
     def description(self) -> EffectDescription:

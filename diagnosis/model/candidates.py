@@ -36,8 +36,8 @@ def candidate(prepared: Prepared, family: Family, member: Member) -> Candidate:
     else:
         filtered = [run.filtered(own, rows) for run, own in zip(prepared.runs, columns, strict=True)]
     samples = sum(run.logged.samples for run in prepared.runs)
-    steps = prepared.sample_time, prepared.position_step
-    return Candidate(family, member, tuple(filtered), prepared.joints, samples, *steps)
+    of_runs = prepared.sample_time, prepared.position_step, prepared.largest_torque
+    return Candidate(family, member, tuple(filtered), prepared.joints, samples, *of_runs)
 
 
 def without_law(

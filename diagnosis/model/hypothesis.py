@@ -235,9 +235,8 @@ def scaled_precision(hypothesis: Design, scales: Array) -> Array:
 def bounds(hypothesis: Design) -> tuple[Array, Array]:
     """Lower and upper bounds of the parameters, (p,) each; standard parameters are unbounded."""
     unbounded = np.full(hypothesis.parameters, np.inf)
-    lower = np.concatenate([-unbounded, *(c.member.lower for c in hypothesis.accepted)])
-    upper = np.concatenate([unbounded, *(c.member.upper for c in hypothesis.accepted)])
-    return lower, upper
+    lower, upper = zip((-unbounded, unbounded), *(c.bounds for c in hypothesis.accepted), strict=True)
+    return np.concatenate(lower), np.concatenate(upper)
 
 
 def _determined(hypothesis: Design) -> Array:

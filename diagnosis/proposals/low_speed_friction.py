@@ -22,7 +22,7 @@ from testbench.effects.columns import on_one_joint
 from testbench.effects.signature import Logged
 
 from ..data.run import DEAD_ZONE, Prepared
-from ..fit.likelihood import Weighed, gained, gained_by_shift
+from ..fit.likelihood import SURELY, Weighed, gained, gained_by_shift
 from ..fit.normal_equations import standard_values
 from ..fit.score import Stage
 from ..model.candidate import Candidate
@@ -86,8 +86,7 @@ def near_rest(stage: Stage, weighed: Sequence[Weighed], ahead: Bank, soft: Bank)
     weighed: gain of each catalogue effect over the stage's. ahead, soft: of ``lead_candidates`` and
     ``soft_candidates``.
     """
-    # A coefficient and a shape must pay for themselves (BIC).
-    least = np.log(np.maximum(stage.independent, 1.0))
+    least = np.full(stage.prepared.joints, SURELY)
     for rival in weighed:
         if (joint := rival.candidate.family.joint) is not None:
             least[joint] = max(least[joint], MORE * rival.score)

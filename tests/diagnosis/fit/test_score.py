@@ -56,8 +56,8 @@ def solved(stage, candidate, folds):
     matrix, target = np.vstack(rows), np.concatenate(right)
     scale = 1 / np.linalg.norm(matrix, axis=0)
     free = np.full(len(prior), np.inf)
-    lower = np.concatenate([-free, candidate.member.lower if candidate else []]) / scale
-    upper = np.concatenate([free, candidate.member.upper if candidate else []]) / scale
+    lower = np.concatenate([-free, candidate.bounds[0] if candidate else []]) / scale
+    upper = np.concatenate([free, candidate.bounds[1] if candidate else []]) / scale
     found = lsq_linear(matrix * scale, target, (lower, upper), method="bvls", tol=1e-14)
     return found.x * scale, 2 * found.cost
 
