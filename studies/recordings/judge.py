@@ -27,6 +27,8 @@ PATIENCE = 600.0
 # A stated probability from which a wrong name counts.
 STATED = 0.5
 ANY = "any"
+# Of an error that is printed with four digits.
+ROUNDING = 5e-4
 
 
 @dataclass(frozen=True)
@@ -57,10 +59,10 @@ class Outcome:
     seconds: float = float("nan")
 
     @property
-    def is_worse(self) -> bool:
-        """Whether some column is worse than the one before it, beyond the rounding of what is printed."""
-        slack = 1.0 + 5e-4
-        return not (self.parameters <= slack * self.given and self.effects <= slack * self.parameters)
+    def worse_by(self) -> float:
+        """The most by which a column exceeds the one before it; 0 within the rounding of what is printed."""
+        steps = (self.parameters - self.given, self.given), (self.effects - self.parameters, self.parameters)
+        return max([0.0, *(more for more, before in steps if not more <= ROUNDING * before)])
 
 
 def judge(split: Split) -> Outcome:

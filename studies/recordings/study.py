@@ -28,11 +28,12 @@ def study(plan: Path, data: Path, out: Path, jobs: int | None = None) -> list[Ou
     write_text(table(splits, outcomes), out / "recordings.md")
     write_text(_csv(outcomes), out / "recordings.csv")
     failed = [each for each in outcomes if each.error]
-    worse = [each for each in outcomes if not each.error and each.is_worse]
+    worse = [each.worse_by for each in outcomes if not each.error and each.worse_by]
     wrong = [each for split, each in zip(splits, outcomes, strict=True) if wrong_names(split, each)]
     print(
         f"{out / 'recordings.md'}: {len(outcomes)} splits, {len(failed)} failed, {len(worse)} worse in some "
-        f"column, {len(wrong)} with a wrong name of {STATED:.0%} or more"
+        f"column, by {max(worse, default=0.0):.2%} of the torque at most, {len(wrong)} with a wrong name of "
+        f"{STATED:.0%} or more"
     )
     return outcomes
 
@@ -68,8 +69,8 @@ def _said(split: Split, outcome: Outcome) -> str:
     wrong = wrong_names(split, outcome)
     if wrong:
         parts.append("WRONG: " + ", ".join(wrong))
-    if outcome.is_worse:
-        parts.append("WORSE in a column")
+    if outcome.worse_by:
+        parts.append(f"WORSE in a column, by {outcome.worse_by:.2%}")
     if outcome.warnings:
         parts.append(f"{len(outcome.warnings)} lines on stderr")
     return "; ".join(parts)

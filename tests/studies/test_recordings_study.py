@@ -54,9 +54,10 @@ def test_a_split_of_another_form_is_refused(tmp_path: Path, text: str) -> None:
 
 
 def test_a_column_that_is_worse_than_the_one_before_is_worse() -> None:
-    assert not OUTCOME.is_worse
-    assert replace(OUTCOME, effects=0.21).is_worse
-    assert replace(OUTCOME, parameters=0.31).is_worse
+    assert OUTCOME.worse_by == 0
+    assert replace(OUTCOME, effects=0.21).worse_by == pytest.approx(0.01)
+    assert replace(OUTCOME, parameters=0.31).worse_by == pytest.approx(0.01)
+    assert replace(OUTCOME, parameters=0.3001).worse_by == 0
 
 
 def test_wrong_names_count_from_one_half(split: Split) -> None:
