@@ -102,6 +102,7 @@ def doubt(named: NamedEffect) -> str:
     is_known = any(np.any(np.abs(each.value) >= MAY_BE_NONE * np.asarray(each.std)) for each in also)
     if not is_known and all(abs(value) < MAY_BE_NONE * deviation for _, value, deviation in numbers):
         return UNCERTAIN
+    # A search for a shape ends this close to a bound.
     reached = (
         np.isfinite(bound) and bound != 0 and abs(value - bound) <= CLOSE * abs(bound)
         for parameter, value, _ in numbers

@@ -48,7 +48,7 @@ def accepted_as(found: Found, stage: Stage, sized: Robot) -> Accepted:
     beyond = beyond and not is_how_runs_begin(stage.prepared, best.candidate)
     samples = stage.independent[list(best.candidate.member.rows)]
     # An effect of the whole robot shows at all joints.
-    enough = samples.max() if best.candidate.family.joint is not None else samples.sum()
+    independent = samples.max() if best.candidate.family.joint is not None else samples.sum()
     taken_off = np.maximum(stage.held_squares - squares(found.trial[1].held_out), 0)
     return Accepted(
         candidate=best.candidate,
@@ -58,7 +58,7 @@ def accepted_as(found: Found, stage: Stage, sized: Robot) -> Accepted:
         share=share,
         worth=float(np.sum(taken_off / np.maximum(stage.counts, 1) / torque_rms**2)),
         shift=gained_by_shift(stage, best.gain),
-        named=bool(beyond and enough >= (FEWEST_OF_ALL if share > NEARLY_ALL else FEWEST_INDEPENDENT)),
+        named=bool(beyond and independent >= (FEWEST_OF_ALL if share > NEARLY_ALL else FEWEST_INDEPENDENT)),
     )
 
 

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 ROUNDING = 1e-12
 # Of a column's squares, against exact collinearity of a few.
 SMALL_RIDGE = 1e-9
+# Passes of an iteration that converges, at most.
 SWEEPS = 500
 
 
@@ -47,7 +48,7 @@ def solve(matrix: Array, right: Array, lower: Array, upper: Array) -> Array:
 
 
 def _factor(scaled: Array) -> tuple[Array, bool]:
-    """Cholesky factor of a matrix (p, p) of unit diagonal, by the smallest ridge that lets it have one."""
+    """Cholesky factor of a matrix (p, p) of unit diagonal, with a ridge where rounding leaves it none."""
     ridge = ROUNDING * np.eye(len(scaled))
     try:
         return cho_factor(scaled + ridge, lower=True)

@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 # Seconds: steps of what is tried, and how late a log may have its torque.
 STEP, LATEST = 0.003, 0.1
 DELAYS = np.arange(0.0, effect(DELAY).DESCRIPTION.parameter("delay").upper, STEP)
-# Time constants of the corner of a low-pass that torque may have passed, s, and its orders.
-CONSTANTS, ORDERS = np.arange(STEP, LATEST, STEP), (1, 2)
+# Seconds by which a log may have its torque late, and time constants of a low-pass's corner; its orders.
+TIMES, ORDERS = np.arange(STEP, LATEST, STEP), (1, 2)
 # How much likelier than a time alone, an independent sample: real ones by .3 and more, a mean over 40 ms,
 # which is neither, by .12.
 PASSED = 0.2
@@ -53,7 +53,7 @@ def likeliest_lateness(hypothesis: Design, fitted: Fit, surely: float) -> Torque
     logs were taken. Through a low-pass only where that is far likelier than by a time alone.
     """
     shifted = _Shifted(hypothesis, fitted)
-    late = -shifted.likeliest(-CONSTANTS, -np.inf, 0.0)
+    late = -shifted.likeliest(-TIMES, -np.inf, 0.0)
     most = shifted.fit(-late)[0]
     if most < max(shifted.fit(delay)[0] for delay in DELAYS.tolist()) + surely:
         return IN_TIME
@@ -94,8 +94,8 @@ class _Shifted:
 
     def likeliest_low_pass(self, order: int) -> tuple[TorqueLag, float]:
         """The low-pass of an order that is likeliest near those that are tried; its log-likelihood."""
-        gains = [self.through(TorqueLag(0.0, order, constant))[0] for constant in CONSTANTS.tolist()]
-        nearest = float(CONSTANTS[np.argmax(gains)])
+        gains = [self.through(TorqueLag(0.0, order, constant))[0] for constant in TIMES.tolist()]
+        nearest = float(TIMES[np.argmax(gains)])
         found = minimize_scalar(
             lambda constant: -self.through(TorqueLag(0.0, order, constant))[0],
             bounds=(nearest - STEP, nearest + STEP),

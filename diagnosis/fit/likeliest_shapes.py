@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 # All effects in turn, again where there are several, as the shapes of one move those of another.
 PASSES = 2
-# The largest first step, as a share of a shape's range.
+# The largest first step, as a share of a shape's range; the smallest is that of its derivatives.
 MOST_STEP = 0.1
 # Shapes tried a pass, for one of a member's shapes and for each more.
 TRIED = 12

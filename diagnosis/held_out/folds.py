@@ -56,7 +56,7 @@ def covered_for(stage: Stage, bank: Bank) -> Prepared:
 
 def _in_parts(prepared: Prepared, alone: Collection[int]) -> Prepared:
     """The runs with some of them left out in parts; unchanged where none of those is left out as a whole."""
-    parts = max(PARTS >> len(prepared.runs) - 1, FEWEST_FOLDS)
+    parts = max(PARTS // 2 ** (len(prepared.runs) - 1), FEWEST_FOLDS)
     folds: list[tuple[int, slice]] = []
     for index, run in enumerate(prepared.runs):
         own = [part for at, part in prepared.folds if at == index]

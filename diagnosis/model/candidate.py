@@ -20,7 +20,7 @@ Place = tuple[str, int | None, int | None]
 # at any size.
 PUSH, SATURATION = "external_contact", "torque_saturation"
 DELAY, ZERO = "torque_delay", "encoder_offset"
-# Times the largest torque that a joint has along the runs, or has by the model: more, no effect takes there.
+# No effect takes more of a joint than so many times the largest torque that it has.
 MOST_TORQUE = 3.0
 # What the effect of a free function of the motion is called before its regime.
 FREE = "unknown: "

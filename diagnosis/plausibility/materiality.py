@@ -17,11 +17,11 @@ from ..model.hypothesis import LATE
 
 Array = NDArray[np.float64]
 
-# Share of a joint's held-out squared residual that an effect must explain, besides of its torque ...
+# Share of a joint's held-out squared residual that an effect must explain, beside SMALLEST_TORQUE.
 SMALLEST_SHARE = 0.10
-# ... or the log-likelihood of the parameters' shift that it must spare, where they absorb this share of its
-# columns, with what it does to runs left out, too. One of the whole robot must add as much beside the joint
-# that gains most, whose misfit it may imitate; and so must one that is beyond a healthy robot's.
+# Log-likelihood that an effect must add: by the shift of parameters that it makes unnecessary, where these
+# absorb this share of its columns; at other joints than the best, if it acts on the whole robot; and where
+# it is larger than on a healthy robot.
 SMALLEST_GAIN, ABSORBED = 7.5, 0.9
 # Wald statistic of a size known to a fifth, and deviations by which one is beyond a healthy robot's.
 SMALLEST_WALD, BEYOND = 25.0, 3.0

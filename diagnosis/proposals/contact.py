@@ -14,7 +14,7 @@ from testbench.effects.logged import Logged
 from ..fit.likelihood import SURELY, Weighed, odds
 from ..fit.normal_equations import Fit, log_of_squares, squares, standard_values
 from ..fit.score import Gain, Stage
-from ..model.candidate import SATURATION, Candidate, Place
+from ..model.candidate import MOST_TORQUE, SATURATION, Candidate, Place
 from ..model.candidates import in_parallel
 from ..model.gram import Bank
 from ..model.hypothesis import Design
@@ -36,9 +36,6 @@ BEYOND_NOISE = 8.0
 BURST_TORQUE = 0.01
 # s: what is shorter, the filter does not resolve: a shock of the reference, a sample that went astray.
 SHORTEST = 0.12
-# No push loads a joint with so many times its drive's limit, or the largest torque of these runs where it has
-# none; one that is fitted may, where joints that do not move show nothing of what loads them.
-LARGEST_LOAD = 3.0
 # What by the weights of the hypothesis before gains less than this share of the most is not fitted in full.
 WORTH_A_FIT = 0.5
 # No push has a profile of ours to better than a tenth of its torque: its residual identifies no link.
@@ -110,7 +107,8 @@ def _likeliest(
         for link in links
         for gain in _of_each_load(stage, in_parallel(stage.prepared, [partial(pushes, logged, link, events)]))
     ]
-    most = LARGEST_LOAD * withstood([run.logged for run in stage.prepared.runs])
+    # Of the drive's limit, where it has one: joints that do not move show nothing of what loads them.
+    most = MOST_TORQUE * withstood([run.logged for run in stage.prepared.runs])
     likeliest: dict[int, _Push] = {}
     for gain in _worth_a_fit(gains):
         push, link = _fitted(stage, gain, noise, list(bursts)), gain.candidate.family.joint

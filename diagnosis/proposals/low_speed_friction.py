@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 # Widths w, rad/s (m/s), and leads l, s, that are tried, each so many times the one before.
 TIMES = 1.6
-WIDTHS, LEADS = 0.015 * TIMES ** np.arange(6), 0.004 * TIMES ** np.arange(4)
+WIDTHS, LEADS = (0.015 * TIMES ** np.arange(6)).tolist(), (0.004 * TIMES ** np.arange(4)).tolist()
 # How precisely the logarithm of one is found from there.
 TOLERANCE = 0.02
 # The form is a guess: up to so many widths, samples say nothing.
@@ -116,7 +116,7 @@ def _leading(stage: Stage, least: Array, least_of_all: float, ahead: Bank) -> fl
         assert joint is not None
         if gain is None or gain.coefficients[0] < SMALLEST_LEADING * coulomb[joint]:
             continue
-        place = int(np.flatnonzero(shape["lead"] == LEADS)[0]), joint
+        place = LEADS.index(shape["lead"]), joint
         if (score := gained(stage, gain)) > explained[place]:
             explained[place], widths[place] = score, shape["width"]
     leading = np.flatnonzero(explained.max(axis=0) > least)

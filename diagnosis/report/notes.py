@@ -71,11 +71,8 @@ def late(diagnosis: Diagnosis) -> list[str]:
 def silent(diagnosis: Diagnosis) -> list[str]:
     """The joints whose torque the logs do not have; nothing where they have all."""
     names = [diagnosis.robot.joint_names[joint] for joint in sorted(diagnosis.prepared.silent)]
-    return (
-        [f"The logged torque of {', '.join(names)} never changes: nothing can be said of it."]
-        if names
-        else []
-    )
+    said = f"The logged torque of {', '.join(names)} never changes: nothing can be said of it."
+    return [said] if names else []
 
 
 def too_little_motion(diagnosis: Diagnosis) -> list[str]:

@@ -23,11 +23,12 @@ Array = NDArray[np.float64]
 # A free function counts where it removes this share of what is left of the joint's squared residual and this
 # share of its RMS torque, and half of what the accepted effects explain there.
 SMALLEST_SHARE, SMALLEST_TORQUE, MOST = 0.25, 0.015, 0.5
-# What is left counts without any function to follow where it is this share of the joint's RMS torque (a
-# healthy one leaves one or two per cent), or an effect there has a name; and so many times the noise, and
-# this share of what re-identification left; where no noise is known, most of that, most of it slow.
+# A residual that follows no function counts from this share of the joint's RMS torque (a healthy joint leaves
+# one or two per cent), this multiple of the noise, and this share of what re-identification left. Where the
+# noise is not known, most of what re-identification left must be there, and most of that must be slow.
 MISFIT_TORQUE, MISFIT_NOISE, MISFIT_LEFT = 0.03, 6.0, 0.15
-# Where an effect has a name and leaves most, so many times the noise are enough: its law only resembles it.
+# At a joint with a named effect any share of the torque counts. If the effect leaves most of the residual, so
+# does this multiple of the noise: its law is then not the joint's.
 NAMED_NOISE = 3.0
 # The regime of torque that is logged late.
 TIMING = "rate of torque"

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -60,9 +61,13 @@ class Outcome:
 
     @property
     def worse_by(self) -> float:
-        """The most by which a column exceeds the one before it; 0 within the rounding of what is printed."""
-        steps = (self.parameters - self.given, self.given), (self.effects - self.parameters, self.parameters)
-        return max([0.0, *(more for more, before in steps if not more <= ROUNDING * before)])
+        """The most by which a column exceeds the one before it; 0 within the rounding of what is printed.
+
+        Infinite where a column is no number.
+        """
+        columns = np.nan_to_num([self.given, self.parameters, self.effects], nan=np.inf)
+        over = [after - before for before, after in pairwise(columns) if after > (1 + ROUNDING) * before]
+        return float(max(over, default=0.0))
 
 
 def judge(split: Split) -> Outcome:

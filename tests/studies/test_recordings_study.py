@@ -58,6 +58,7 @@ def test_a_column_that_is_worse_than_the_one_before_is_worse() -> None:
     assert replace(OUTCOME, effects=0.21).worse_by == pytest.approx(0.01)
     assert replace(OUTCOME, parameters=0.31).worse_by == pytest.approx(0.01)
     assert replace(OUTCOME, parameters=0.3001).worse_by == 0
+    assert replace(OUTCOME, effects=float("nan")).worse_by == float("inf")
 
 
 def test_wrong_names_count_from_one_half(split: Split) -> None:
